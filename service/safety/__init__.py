@@ -1,0 +1,1 @@
+"""Safety measures of a rollout; low is dangerous for all of them."""
