@@ -1,0 +1,107 @@
+"""Build a built-in network: raw geometry -> plain XML sources -> SUMO net.
+
+python -m sumo_nets.build sources --geometry DIR     (when the geometry changes; sources are committed)
+python -m sumo_nets.build net [--netconvert PATH]    (so is the net; needs SUMO's netconvert, 1.28 was used)
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+from sumo_nets import sources
+from sumo_nets.corridor import built_in_folder
+from sumo_nets.errors import NetworkError
+
+NETCONVERT_OPTIONS = (
+    "--offset.disable-normalization",
+    "--no-turnarounds",
+    "--junctions.minimal-shape",
+    "--precision=4",
+    "--default.spreadtype=right",
+    "--no-warnings=false",
+)
+
+
+def write_sources(name: str, geometry: Path, folder: Path | None = None) -> list[Path]:
+    """Write the plain XML, the corridor's description and the check's reference lines; returns the files."""
+    folder = folder or built_in_folder(name)
+    raw = sources.read_geometry(Path(geometry))
+    road = sources.make_road(raw)
+    texts = {f"{name}.{suffix}.xml": text for suffix, text in sources.plain_xml(road).items()}
+    edges = [edge for edge, *_ in sources.MAINLINE]
+    texts["corridor.json"] = json.dumps({"edges": edges}, indent=1) + "\n"
+    texts["reference_lines.json"] = json.dumps(sources.reference_lines(raw), separators=(",", ":")) + "\n"
+    for file, text in texts.items():
+        (folder / file).write_text(text, encoding="utf-8")
+    return [folder / file for file in texts]
+
+
+def find_netconvert(given: str | None = None) -> str:
+    """Path of netconvert: as given, else $NETCONVERT, else on PATH; NetworkError if there is none."""
+    wanted = given or os.environ.get("NETCONVERT") or "netconvert"
+    found = shutil.which(wanted)
+    if found is None:
+        raise NetworkError(
+            f"no program {wanted!r}; netconvert comes with SUMO (for example `pip install eclipse-sumo`): "
+            "put it on PATH or give it with --netconvert"
+        )
+    return found
+
+
+def build_net(name: str, netconvert: str | None = None, out: Path | None = None) -> Path:
+    """Run netconvert on the plain XML of a built-in network; without dates and machine paths in it."""
+    folder = built_in_folder(name)
+    out = out or folder / f"{name}.net.xml"
+    program = find_netconvert(netconvert)
+    with tempfile.TemporaryDirectory() as scratch:
+        fresh = Path(scratch) / "net.xml"
+        files = [
+            f"--node-files={folder / f'{name}.nod.xml'}",
+            f"--edge-files={folder / f'{name}.edg.xml'}",
+            f"--connection-files={folder / f'{name}.con.xml'}",
+        ]
+        done = subprocess.run(
+            [program, *files, *NETCONVERT_OPTIONS, f"--output-file={fresh}"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode or not fresh.exists():
+            raise NetworkError(f"netconvert failed on {folder}: {done.stderr.strip() or done.stdout.strip()}")
+        text = fresh.read_text(encoding="utf-8")
+    header = f"<!-- {name}: built by `python -m sumo_nets.build net`; data attribution in ATTRIBUTION.md -->"
+    out.write_text(re.sub(r"<!--.*?-->", header, text, count=1, flags=re.DOTALL), encoding="utf-8")
+    return out
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point of `python -m sumo_nets.build`."""
+    parser = argparse.ArgumentParser(prog="python -m sumo_nets.build", description=__doc__.splitlines()[0])
+    commands = parser.add_subparsers(dest="command", required=True)
+    make = commands.add_parser("sources", help="plain XML from the raw geometry files")
+    make.add_argument("--geometry", type=Path, required=True, help="folder with the CAD and OSM files")
+    net = commands.add_parser("net", help="the SUMO net from the plain XML")
+    net.add_argument("--netconvert", help="path of netconvert (default: $NETCONVERT, then PATH)")
+    for command in (make, net):
+        command.add_argument("--name", default="i80", help="built-in network")
+    options = parser.parse_args(arguments)
+    try:
+        if options.command == "sources":
+            written = write_sources(options.name, options.geometry)
+        else:
+            written = [build_net(options.name, options.netconvert)]
+    except NetworkError as error:
+        parser.exit(2, f"error: {error}\n")
+    for path in written:
+        print(path)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,238 @@
+"""I-80 at Emeryville, northbound (signed eastbound): plain SUMO XML made from the raw geometry.
+
+Upstream the road follows the lane lines of NGSIM's CAD drawing, which are exact to centimetres but end after
+1.5 km; downstream it follows OpenStreetMap. deploy/decisions/0001-i80-geometry.md says how the two are joined
+and what differs from the real road.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from sumo_nets.curves import Curve, arc_length, even_curve, resample, smooth_curve
+from sumo_nets.errors import NetworkError
+from sumo_nets.projection import PROJ, to_utm
+
+LANE_WIDTH_M = 3.66  # 12 ft, the CAD lines' spacing is 3.65 m
+LANES = 6
+SPEED_MPS = 24.59  # 55 mph, OpenStreetMap maxspeed of all ways used; the HOV lane has no other limit
+RAMP_SPEED_MPS = 24.59  # OpenStreetMap maxspeed of the Powell Street on-ramp
+NET_OFFSET = (-561500.0, -4187500.0)  # added to UTM 10N metres
+LENGTH_M = 2051.0  # the corridor of whole metres read from the built net has 2050 m
+SMOOTHING_M = 150.0  # undulations of the drawn lines shorter than this are taken out
+POINT_STEP_M = 5.0  # vertex spacing in the net; the chord error at the sharpest curve is 6 mm
+
+# Stations of the cross-section's changes, read off the CAD lines (see the decision record).
+JOIN_START_M = 1470.0  # here the road leaves the CAD lines ...
+JOIN_LENGTH_M = 400.0  # ... and is on OpenStreetMap's line this much later
+MERGE_M = 835.0  # tip of the Powell Street gore: the on-ramp lies beside lane 6 at full width
+MERGE_END_M = 950.0  # the CAD's outer line is back at lane 6
+DIVERGE_START_M = 1200.0  # the CAD's outer line begins to widen for Ashby
+DIVERGE_M = 1270.0  # tip of the Ashby gore: the off-ramp lies beside lane 6 at full width
+RAMP_OVERLAP_M = 60.0  # a ramp's line is smoothed together with this much of the auxiliary lane
+
+HOV_ALLOW = "hov bus coach motorcycle emergency authority army vip"
+GENERAL_DISALLOW = "tram rail_urban rail rail_electric rail_fast ship cable_car subway bicycle pedestrian"
+
+GEOMETRY_FILES = ("ngsim_cad_lines_wgs84.geojson", "sac_vsl_i80.net.xml.gz")
+
+
+@dataclass(frozen=True)
+class RawGeometry:
+    """Polylines (n, 2) in the net's frame: the CAD drawing's lines and OpenStreetMap's lanes, by name."""
+
+    cad: dict[str, np.ndarray]
+    osm: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Road:
+    """The mainline's reference line (between lanes 3 and 4) and the ramps' centre lines, in net metres."""
+
+    reference: Curve
+    on_ramp: np.ndarray
+    off_ramp: np.ndarray
+
+
+def read_geometry(folder: Path) -> RawGeometry:
+    """Read the CAD lines and the OpenStreetMap lanes from `folder`; NetworkError if a file is missing."""
+    for name in GEOMETRY_FILES:
+        if not (folder / name).is_file():
+            needed = ", ".join(GEOMETRY_FILES)
+            raise NetworkError(f"{folder / name} is missing; the geometry folder must hold {needed}")
+    cad = {}
+    for feature in json.loads((folder / GEOMETRY_FILES[0]).read_text(encoding="utf-8"))["features"]:
+        lon, lat = np.array(feature["geometry"]["coordinates"], float).T
+        cad[feature["properties"]["name"]] = np.column_stack(to_utm(lon, lat)) + NET_OFFSET
+    root = ElementTree.fromstring(gzip.decompress((folder / GEOMETRY_FILES[1]).read_bytes()))
+    theirs = np.array([float(v) for v in root.find("location").get("netOffset").split(",")])
+    osm = {}
+    for lane in root.iter("lane"):
+        if lane.get("id").startswith(("i80_", "powell_", "ashby_")):
+            points = np.array([[float(v) for v in p.split(",")[:2]] for p in lane.get("shape").split()])
+            osm[lane.get("id")] = points - theirs + NET_OFFSET
+    return RawGeometry(cad, osm)
+
+
+def make_road(raw: RawGeometry) -> Road:
+    """Join the CAD and OpenStreetMap lines to one smooth road of LENGTH_M with its two ramps."""
+    reference = _reference(raw)
+    auxiliary = -(LANES / 2 + 0.5) * LANE_WIDTH_M
+
+    merge = np.arange(MERGE_M, MERGE_M + RAMP_OVERLAP_M)
+    beside = np.column_stack(reference.to_xy(merge, auxiliary)[:2])
+    inner = _cut(raw.osm["powell_acc_1"], raw.cad["onramp"][0], keep="before")
+    powell = np.concatenate([inner, _cut(raw.cad["onramp"], beside[0], keep="before"), beside])
+    on_ramp = _part(smooth_curve(powell, 60.0), reference, MERGE_M, before=True)
+
+    diverge = np.arange(DIVERGE_M - RAMP_OVERLAP_M, DIVERGE_M + 0.5)
+    beside = np.column_stack(reference.to_xy(diverge, auxiliary)[:2])
+    ashby = np.concatenate([beside, _cut(raw.cad["offramp"], beside[-1], keep="after")])
+    off_ramp = _part(smooth_curve(ashby, 60.0), reference, DIVERGE_M, before=False)
+    return Road(reference, on_ramp, off_ramp)
+
+
+def _reference(raw: RawGeometry) -> Curve:
+    """Line between lanes 3 and 4: mean of the CAD centre lines, then OpenStreetMap's carriageway centre."""
+    first = smooth_curve(raw.cad["centerline1"], 60.0)
+    stations = np.arange(len(first.x)) * 1.0
+    to_middle = (0.5 - LANES / 2) * LANE_WIDTH_M
+    votes = []
+    for lane in (1, 2, 3, 4):
+        s, offset = first.project(*resample(raw.cad[f"centerline{lane}"], 1.0).T)
+        nominal = offset + (lane - 1) * LANE_WIDTH_M
+        votes.append(np.interp(stations, s, nominal, left=np.nan, right=np.nan))
+    middle = np.nanmean(votes, axis=0) + to_middle
+    cad = first.shifted(middle)[: int(JOIN_START_M) + 1]
+
+    # OpenStreetMap has 5 lanes here: the middle of its carriageway is the centre of lane 3
+    five = [resample(raw.osm[f"i80_downstream_n_{i}"], 1.0) for i in range(5)]
+    centre = smooth_curve(np.mean([line[: min(map(len, five))] for line in five], axis=0), SMOOTHING_M)
+    osm = even_curve(centre.shifted(-LANE_WIDTH_M / 2), 1.0)
+    start, step_aside = (float(v) for v in osm.project(*cad[-1]))
+    onward = np.arange(np.ceil(start + 1.0), osm.length_m)
+    u = np.clip((onward - start) / JOIN_LENGTH_M, 0.0, 1.0)
+    fade = 1.0 - u**3 * (10.0 - 15.0 * u + 6.0 * u**2)  # C2 from 1 to 0
+    downstream = np.column_stack(osm.to_xy(onward, step_aside * fade)[:2])
+    smooth = smooth_curve(np.concatenate([cad, downstream]), SMOOTHING_M)
+    return even_curve(np.column_stack([smooth.x, smooth.y]), 1.0, length_m=LENGTH_M)
+
+
+def _cut(line: np.ndarray, at: np.ndarray, keep: str) -> np.ndarray:
+    """The part of `line` at least 15 m before or after the point of it nearest to `at` (room to blend)."""
+    line = resample(line, 1.0)
+    along = arc_length(line)
+    here = along[np.argmin(np.hypot(*(line - at).T))]
+    return line[along < here - 15.0] if keep == "before" else line[along > here + 15.0]
+
+
+def _part(curve: Curve, reference: Curve, station_m: float, before: bool) -> np.ndarray:
+    """Points of `curve` before or after `station_m` of the reference line."""
+    s, _ = reference.project(curve.x, curve.y)
+    points = np.column_stack([curve.x, curve.y])
+    inside = s < station_m - 0.5 if before else s > station_m + 0.5
+    return points[inside][:: int(POINT_STEP_M)]
+
+
+MAINLINE = (  # edge, from station, to station, lanes
+    ("i80_south", 0.0, MERGE_M, LANES),
+    ("i80_powell_merge", MERGE_M, MERGE_END_M, LANES + 1),
+    ("i80_middle", MERGE_END_M, DIVERGE_START_M, LANES),
+    ("i80_ashby_diverge", DIVERGE_START_M, DIVERGE_M, LANES + 1),
+    ("i80_north", DIVERGE_M, LENGTH_M, LANES),
+)
+NODES = ("south_end", "powell_gore", "powell_lane_end", "ashby_lane_start", "ashby_gore", "north_end")
+
+
+def plain_xml(road: Road) -> dict[str, str]:
+    """The plain XML sources by suffix: nod, edg, con."""
+    return {"nod": _nodes(road), "edg": _edges(road), "con": _connections()}
+
+
+def _left_border(road: Road, start: float, end: float) -> np.ndarray:
+    stations = np.linspace(start, end, max(2, round((end - start) / POINT_STEP_M) + 1))
+    return np.column_stack(road.reference.to_xy(stations, LANES / 2 * LANE_WIDTH_M)[:2])
+
+
+def _shape(points: np.ndarray) -> str:
+    return " ".join(f"{x:.4f},{y:.4f}" for x, y in points)
+
+
+def _nodes(road: Road) -> str:
+    stations = [0.0, *(end for _, _, end, _ in MAINLINE)]
+    x, y, _ = road.reference.to_xy(np.array(stations), LANES / 2 * LANE_WIDTH_M)
+    rows = [*zip(NODES, x, y, strict=True)]
+    rows += [("powell_start", *road.on_ramp[0]), ("ashby_end", *road.off_ramp[-1])]
+    offset = ",".join(f"{v:.2f}" for v in NET_OFFSET)
+    corners = np.array([[r[1], r[2]] for r in rows])
+    bounds = ",".join(f"{v:.2f}" for v in (*corners.min(axis=0), *corners.max(axis=0)))
+    lines = [
+        f'    <location netOffset="{offset}" convBoundary="{bounds}" origBoundary="{bounds}"'
+        f' projParameter="{PROJ}"/>'
+    ]
+    for name, east, north in rows:
+        kind = "dead_end" if name.endswith(("_end", "_start")) and "lane" not in name else "priority"
+        lines.append(f'    <node id="{name}" x="{east:.4f}" y="{north:.4f}" type="{kind}"/>')
+    return _document("nodes", lines)
+
+
+def _edges(road: Road) -> str:
+    lines = []
+    for (name, start, end, lanes), a, b in zip(MAINLINE, NODES[:-1], NODES[1:], strict=True):
+        lines.append(
+            f'    <edge id="{name}" from="{a}" to="{b}" priority="14" type="highway.motorway"'
+            f' numLanes="{lanes}" speed="{SPEED_MPS}" width="{LANE_WIDTH_M}" spreadType="right"'
+            f' disallow="{GENERAL_DISALLOW}" shape="{_shape(_left_border(road, start, end))}">'
+        )
+        lines.append(f'        <lane index="{lanes - 1}" allow="{HOV_ALLOW}"/>')
+        lines.append("    </edge>")
+    for name, a, b, points in (
+        ("powell_on_ramp", "powell_start", "powell_gore", road.on_ramp),
+        ("ashby_off_ramp", "ashby_gore", "ashby_end", road.off_ramp),
+    ):
+        lines.append(
+            f'    <edge id="{name}" from="{a}" to="{b}" priority="9" type="highway.motorway_link"'
+            f' numLanes="1" speed="{RAMP_SPEED_MPS}" width="{LANE_WIDTH_M}" spreadType="center"'
+            f' disallow="{GENERAL_DISALLOW}" shape="{_shape(points)}"/>'
+        )
+    return _document("edges", lines)
+
+
+def _connections() -> str:
+    lines = []
+    for (a, _, _, lanes_a), (b, _, _, lanes_b) in pairwise(MAINLINE):
+        for lane in range(LANES):
+            lines.append(_connection(a, b, lane + lanes_a - LANES, lane + lanes_b - LANES))
+    lines.append(_connection("i80_middle", "i80_ashby_diverge", 0, 0))
+    lines.append(_connection("powell_on_ramp", "i80_powell_merge", 0, 0))
+    lines.append(_connection("i80_ashby_diverge", "ashby_off_ramp", 0, 0))
+    return _document("connections", lines)
+
+
+def _connection(a: str, b: str, from_lane: int, to_lane: int) -> str:
+    return f'    <connection from="{a}" to="{b}" fromLane="{from_lane}" toLane="{to_lane}"/>'
+
+
+def _document(tag: str, lines: list[str]) -> str:
+    note = "<!-- made by `python -m sumo_nets.build sources`; data attribution in ATTRIBUTION.md -->"
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{note}\n<{tag}>\n' + "\n".join(lines) + f"\n</{tag}>\n"
+
+
+def reference_lines(raw: RawGeometry) -> dict:
+    """What the check compares the net with, small enough to ship: CAD and OSM lines in the net's frame."""
+
+    def rounded(line: np.ndarray) -> list[list[float]]:
+        return np.round(resample(line, 5.0), 2).tolist()
+
+    return {
+        "frame": {"projection": PROJ, "net_offset_m": list(NET_OFFSET)},
+        "cad": {name: rounded(line) for name, line in sorted(raw.cad.items())},
+        "osm": {name: rounded(line) for name, line in sorted(raw.osm.items()) if name.startswith("i80_")},
+    }
