@@ -1,0 +1,57 @@
+"""Rare-event statistics: the probability that f(X) <= gamma, X from a known base distribution, f a black box.
+
+README.md in this folder has the notation, the equations and the conditions behind each warning.
+"""
+
+from ce.beta import Beta
+from ce.cross_entropy import CrossEntropy, CrossEntropyOptions
+from ce.errors import (
+    BudgetError,
+    CeError,
+    FamilyError,
+    OptionsError,
+    ResponseError,
+    StateError,
+    ThresholdError,
+)
+from ce.naive import Naive, NaiveOptions
+from ce.normal import Normal
+from ce.product import Product
+from ce.results import Condition, Curve, Estimate, FailedRollout, Trace, variance_ratio
+from ce.run import METHODS, algorithm, estimate, general_options
+from ce.state import Batch, CrossEntropyState, EstimationRecord, NaiveState, TrainingRecord, to_bytes
+from ce.streams import draw
+
+__all__ = [
+    "METHODS",
+    "Batch",
+    "Beta",
+    "BudgetError",
+    "CeError",
+    "Condition",
+    "CrossEntropy",
+    "CrossEntropyOptions",
+    "CrossEntropyState",
+    "Curve",
+    "Estimate",
+    "EstimationRecord",
+    "FailedRollout",
+    "FamilyError",
+    "Naive",
+    "NaiveOptions",
+    "NaiveState",
+    "Normal",
+    "OptionsError",
+    "Product",
+    "ResponseError",
+    "StateError",
+    "ThresholdError",
+    "Trace",
+    "TrainingRecord",
+    "algorithm",
+    "draw",
+    "estimate",
+    "general_options",
+    "to_bytes",
+    "variance_ratio",
+]

@@ -1,0 +1,363 @@
+"""Algorithm 1 of the paper, the cross-entropy method, behind the ask-and-tell interface.
+
+    for k = 0 .. K - 1:
+        X_1 .. X_N ~ P_theta_k                                     propose
+        gamma_k = max(gamma, rho-quantile of f(X))                 update: _search_step
+        w_i = p0(X_i) / p_theta_k(X_i) on {f <= gamma_k}, divided by their sum
+        theta_{k+1} = argmax over Theta of alpha theta^T sum w_i Gamma(X_i) + (1 - alpha) theta^T grad
+        A(theta_k) - A(theta)
+    theta_ce = the theta_k with the lowest rho-quantile
+    X_1 .. X_n ~ P_theta_ce, fresh;  p = (1/n) sum p0/p_theta_ce(X_i) 1{f(X_i) <= gamma}
+
+Deviations, all deliberate: line 5 of the paper prints "minimum" where its text has gamma_k >= gamma, hence
+the maximum; the weights of equation (3) are normalised over the elite set, because q_k is a density; the
+quantile is an order statistic among the rollouts that did not fail. Where fewer than rho N values of f are
+finite the quantile is +inf and says nothing: the elite set is then all finite values, and the step is
+shortened in proportion to how many there are.
+"""
+
+import functools
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ce.checks import at_least, checked_problem, checked_response, checked_turn, in_range
+from ce.errors import BudgetError, OptionsError
+from ce.naive import record_of
+from ce.product import Product
+from ce.projection import Projection
+from ce.results import Condition, Estimate, FailedRollout
+from ce.state import (
+    Batch,
+    CrossEntropyState,
+    EstimationRecord,
+    TrainingRecord,
+    digest_of,
+    from_bytes,
+    to_bytes,
+)
+from ce.stopping import next_look
+from ce.streams import checked_seed, draw
+from ce.weights import effective_sample_size, max_share, normalised, order_statistic
+
+LEAST_BUDGET = 1000
+
+
+@dataclass(frozen=True)
+class CrossEntropyOptions:
+    """Options of Algorithm 1. The constraints' defaults are the paper's (section 4).
+
+    iterations: K; samples_per_iteration: N_k; estimation_rollouts: fresh rollouts at most. Those left at
+    None are filled from budget, the total (see `resolved`); given together with budget they must fit into
+    it. rho: quantile level; step: alpha, in (0, 1]. beta_bounds: of alpha and beta of every Beta; mean_box:
+    |mu - mu0|_inf of every Normal in its own units, None for no bound; learn_covariance: move the Normals'
+    covariances too (low dimensions only, needs mean_box = None). stop_when_reached: leave the search as
+    soon as gamma_k = gamma (False: all K iterations, as printed). rel_error: relative half-width at which
+    to stop the estimation (None: use all estimation_rollouts). batch_size: estimation rollouts in a batch;
+    a search iteration is always one batch.
+    """
+
+    iterations: int | None = None
+    samples_per_iteration: int | None = None
+    rho: float = 0.01
+    step: float = 0.8
+    estimation_rollouts: int | None = None
+    budget: int | None = None
+    beta_bounds: tuple[float, float] = (1.5, 7.0)
+    mean_box: float | None = 0.01
+    learn_covariance: bool = False
+    stop_when_reached: bool = False
+    rel_error: float | None = None
+    confidence: float = 0.95
+    batch_size: int = 5000
+
+    def __post_init__(self) -> None:
+        for name, least in (("iterations", 1), ("samples_per_iteration", 10), ("estimation_rollouts", 1)):
+            if getattr(self, name) is not None:
+                at_least(name, getattr(self, name), least)
+        at_least("batch_size", self.batch_size, 1)
+        in_range("rho", self.rho, 0, 1)
+        in_range("confidence", self.confidence, 0, 1)
+        if self.step != 1:
+            in_range("step", self.step, 0, 1)
+        if self.rel_error is not None:
+            in_range("rel_error", self.rel_error, 0, math.inf)
+        if self.mean_box is not None:
+            in_range("mean_box", self.mean_box, 0, math.inf)
+        try:
+            low, high = (float(b) for b in self.beta_bounds)
+        except (TypeError, ValueError):
+            raise OptionsError(f"beta_bounds must be two numbers, not {self.beta_bounds!r}") from None
+        if not 0 < low <= high < math.inf:
+            raise OptionsError(f"beta_bounds must satisfy 0 < low <= high < inf, not ({low}, {high})")
+        object.__setattr__(self, "beta_bounds", (low, high))
+        if self.learn_covariance and self.mean_box is not None:
+            raise OptionsError(
+                "learn_covariance needs mean_box=None: a boxed mean and a free covariance do not separate"
+            )
+        if self.budget is not None:
+            at_least("budget", self.budget, 1)
+            if self.budget < LEAST_BUDGET:
+                raise BudgetError(
+                    f"the cross-entropy method needs a budget of at least {LEAST_BUDGET}, not {self.budget}"
+                )
+
+    def resolved(self) -> "CrossEntropyOptions":
+        """The same with every None among the sizes filled in.
+
+        From a budget (100,000 if none is given): K = 10 (5 below 10,000), N_k such that the search takes
+        two fifths, and the rest for the estimate.
+        """
+        budget = 100_000 if self.budget is None else self.budget
+        iterations = self.iterations or (10 if budget >= 10_000 else 5)
+        if self.estimation_rollouts is None:
+            per_iteration = self.samples_per_iteration or max(10, int(0.4 * budget) // iterations)
+            estimation = budget - iterations * per_iteration
+        else:
+            estimation = self.estimation_rollouts
+            per_iteration = self.samples_per_iteration or (budget - estimation) // iterations
+        total = iterations * per_iteration + estimation
+        if estimation < 1 or per_iteration < 10 or (self.budget is not None and total > self.budget):
+            raise BudgetError(
+                f"{iterations} iterations of {per_iteration} rollouts and {estimation} for the "
+                "estimate do not fit into "
+                f"a budget of {budget}: raise the budget or lower iterations, samples_per_iteration, "
+                "estimation_rollouts"
+            )
+        return replace(
+            self, iterations=iterations, samples_per_iteration=per_iteration, estimation_rollouts=estimation
+        )
+
+
+@dataclass(frozen=True)
+class CrossEntropy:
+    """The algorithm: pure functions of a frozen state."""
+
+    base: Product
+    gamma: float
+    options: CrossEntropyOptions = CrossEntropyOptions()
+
+    def __post_init__(self) -> None:
+        base, gamma = checked_problem(self.base, self.gamma)
+        object.__setattr__(self, "base", base)
+        object.__setattr__(self, "gamma", gamma)
+        object.__setattr__(self, "options", self.options.resolved())
+
+    method = "ce"
+
+    @functools.cached_property
+    def digest(self) -> str:
+        return digest_of(self.base, "ce", self.gamma, self.options)
+
+    @functools.cached_property
+    def projection(self) -> Projection:
+        o = self.options
+        return Projection(self.base, o.beta_bounds, o.mean_box, o.learn_covariance)
+
+    @property
+    def total_rollouts(self) -> int:
+        """Rollouts at most, training included."""
+        o = self.options
+        return o.iterations * o.samples_per_iteration + o.estimation_rollouts
+
+    # -- ask and tell ----------------------------------------------------------------------------------------
+
+    def init(self, seed: int = 0) -> CrossEntropyState:
+        """The state before any rollout: theta_0 is the base."""
+        theta = self.base.parameters(self.options.learn_covariance)
+        return CrossEntropyState(
+            digest=self.digest,
+            seed=checked_seed(seed),
+            phase="train",
+            iteration=0,
+            parameters=theta,
+            best_parameters=theta,
+            best_quantile=math.inf,
+            records=(),
+            failed=(),
+            f=np.zeros(0),
+            log_weights=np.zeros(0),
+            look_at=0,
+        )
+
+    def propose(self, state: CrossEntropyState) -> Batch | None:
+        """The next batch: one iteration of the search, or part of the fresh sample. None when finished."""
+        if state.phase == "done":
+            return None
+        start, stop = self._rows(state)
+        x, noise = draw(self.proposal(state), state.seed, state.phase, state.iteration, start, stop)
+        return Batch(state.phase, state.iteration, x, noise, state.parameters, state.seed, start, stop)
+
+    def update(
+        self, state: CrossEntropyState, batch: Batch, f: ArrayLike
+    ) -> tuple[CrossEntropyState, TrainingRecord | EstimationRecord]:
+        """The state after the batch was answered with f (n,), NaN = failed rollout, and a record of what
+        happened.
+        """
+        checked_turn(batch, state.seed, state.phase, state.iteration, self._rows(state)[0])
+        values = checked_response(batch, f)
+        if state.phase == "train":
+            return self._search_step(state, batch, values)
+        return self._estimation_step(state, batch, values)
+
+    def estimate(self, state: CrossEntropyState) -> Estimate:
+        """The estimate so far; p is NaN until estimation rollouts have been answered."""
+        training = sum(record.rollouts for record in state.records)
+        failures = [FailedRollout("train", k, i) for k, i in state.failed]
+        failures += [FailedRollout("estimate", 0, int(i)) for i in np.flatnonzero(np.isnan(state.f))]
+        return Estimate(
+            gamma=self.gamma,
+            method="ce",
+            confidence=self.options.confidence,
+            rollouts=training + state.f.size,
+            training_rollouts=training,
+            f=state.f,
+            log_weights=state.log_weights,
+            proposal=self._with(state.best_parameters),
+            finished=state.phase == "done",
+            rel_error=self.options.rel_error,
+            failed_rollouts=tuple(failures),
+            search_warnings=tuple(self._search_conditions(state)),
+        )
+
+    def proposal(self, state: CrossEntropyState) -> Product:
+        """The distribution being sampled now."""
+        return self._with(state.parameters)
+
+    def to_bytes(self, state: CrossEntropyState) -> bytes:
+        return to_bytes(state)
+
+    def from_bytes(self, data: bytes) -> CrossEntropyState:
+        """The state that `to_bytes` wrote, for this base, gamma and options; StateError otherwise."""
+        return from_bytes(data, CrossEntropyState, self.digest)
+
+    # -- steps -----------------------------------------------------------------------------------------------
+
+    def _with(self, parameters) -> Product:
+        return self.base.with_parameters(parameters)
+
+    def _rows(self, state: CrossEntropyState) -> tuple[int, int]:
+        if state.phase != "estimate":
+            return 0, self.options.samples_per_iteration
+        return state.f.size, min(state.f.size + self.options.batch_size, state.look_at)
+
+    def _search_step(
+        self, state: CrossEntropyState, batch: Batch, f
+    ) -> tuple[CrossEntropyState, TrainingRecord]:
+        o, current = self.options, self.proposal(state)
+        ok = np.flatnonzero(~np.isnan(f))
+        quantile = order_statistic(f[ok], o.rho)
+        finite = f[ok][f[ok] < math.inf]
+        step = o.step
+        if quantile < math.inf:
+            gamma_k = max(self.gamma, quantile)
+        else:  # also NaN: every rollout failed
+            gamma_k = max(self.gamma, float(np.max(finite, initial=-math.inf)))
+            step *= min(1.0, finite.size / math.ceil(o.rho * f.size))
+        elite = ok[f[ok] <= gamma_k]
+        log_w = self.base.log_ratio(current, batch.x[elite])
+        if elite.size:
+            theta = self.projection.update(current, batch.x[elite], normalised(log_w), step)
+        else:
+            theta, step = state.parameters, 0.0
+        record = TrainingRecord(
+            iteration=state.iteration,
+            rollouts=f.size,
+            gamma_k=gamma_k,
+            quantile=quantile,
+            elites=int(elite.size),
+            ess=effective_sample_size(log_w),
+            max_weight_share=max_share(log_w),
+            events=int(np.count_nonzero(f <= self.gamma)),
+            infinite=int(np.count_nonzero(f == math.inf)),
+            failed=int(f.size - ok.size),
+            step=step,
+            kl=current.kl(self.base),
+            summary=_summary(current, self.base),
+        )
+        best, best_quantile = state.best_parameters, state.best_quantile
+        if quantile < best_quantile:
+            best, best_quantile = state.parameters, quantile
+        k = state.iteration + 1
+        over = k == o.iterations or (o.stop_when_reached and quantile <= self.gamma)
+        look_at = o.estimation_rollouts if o.rel_error is None else min(o.batch_size, o.estimation_rollouts)
+        failed = tuple((state.iteration, int(i)) for i in np.flatnonzero(np.isnan(f)))
+        after = CrossEntropyState(
+            digest=state.digest,
+            seed=state.seed,
+            phase="estimate" if over else "train",
+            iteration=0 if over else k,
+            parameters=best if over else theta,
+            best_parameters=best,
+            best_quantile=best_quantile,
+            records=(*state.records, record),
+            failed=state.failed + failed,
+            f=state.f,
+            log_weights=state.log_weights,
+            look_at=look_at if over else 0,
+        )
+        return after, record
+
+    def _estimation_step(
+        self, state: CrossEntropyState, batch: Batch, f
+    ) -> tuple[CrossEntropyState, EstimationRecord]:
+        o = self.options
+        log_w = self.base.log_ratio(self.proposal(state), batch.x)
+        after = _replaced(
+            state, f=np.concatenate([state.f, f]), log_weights=np.concatenate([state.log_weights, log_w])
+        )
+        est = self.estimate(after)
+        if after.f.size >= state.look_at:
+            look_at, done = next_look(est, after.f.size, o.estimation_rollouts, o.batch_size)
+            after = _replaced(after, look_at=look_at, phase="done" if done else "estimate")
+        return after, record_of(est)
+
+    def _search_conditions(self, state: CrossEntropyState) -> list[Condition]:
+        found: list[Condition] = []
+        if state.phase == "train" or not state.records:
+            return found
+        if not state.best_quantile <= self.gamma:
+            found.append(
+                Condition(
+                    "threshold-not-reached",
+                    f"the lowest {self.options.rho:g}-quantile of f in the search was "
+                    f"{state.best_quantile:.4g}, above "
+                    f"gamma = {self.gamma:g}: the proposal makes the event rarer than rho",
+                    "more iterations, more samples an iteration, or wider constraints",
+                )
+            )
+        starved = [r.iteration for r in state.records if not r.quantile < math.inf]
+        if starved:
+            found.append(
+                Condition(
+                    "quantile-infinite",
+                    f"in {len(starved)} iterations (first: {starved[0]}) fewer than rho N rollouts "
+                    "had a finite f: the "
+                    "search went by the few finite ones with a shortened step",
+                    "more samples an iteration, a larger rho, or a measure f that is finite more often",
+                )
+            )
+        return found
+
+
+def _replaced(state: CrossEntropyState, **changes) -> CrossEntropyState:
+    fields = {name: getattr(state, name) for name in state.__struct_fields__}
+    return CrossEntropyState(**{**fields, **changes})
+
+
+def _summary(proposal: Product, base: Product) -> dict[str, float]:
+    """The sampled proposal's parameters in a few numbers."""
+    out: dict[str, float] = {}
+    if base.beta_columns.size:
+        out["alpha_min"], out["alpha_max"] = (
+            float(proposal.betas.alpha.min()),
+            float(proposal.betas.alpha.max()),
+        )
+        out["beta_min"], out["beta_max"] = float(proposal.betas.beta.min()), float(proposal.betas.beta.max())
+    for i, ((_, block), (_, origin)) in enumerate(zip(proposal.normals, base.normals, strict=True)):
+        shift = block.mean - origin.mean
+        out[f"mean_shift_max_{i}"] = float(np.abs(shift).max())
+        out[f"mean_shift_norm_{i}"] = float(np.sqrt(np.sum(shift**2)))
+    return out

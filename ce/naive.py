@@ -1,0 +1,139 @@
+"""Naive Monte Carlo behind the ask-and-tell interface.
+
+p = (1/n) sum 1{f(X_i) <= gamma}, X_i iid from P0 (paper, section 2).
+"""
+
+import functools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ce.checks import at_least, checked_problem, checked_response, checked_turn, in_range
+from ce.errors import BudgetError
+from ce.product import Product
+from ce.results import Estimate, FailedRollout
+from ce.state import Batch, EstimationRecord, NaiveState, digest_of, from_bytes, to_bytes
+from ce.stopping import next_look
+from ce.streams import checked_seed, draw
+
+LEAST_BUDGET = 1
+
+
+@dataclass(frozen=True)
+class NaiveOptions:
+    """budget: rollouts at most; rel_error: relative half-width to stop at (None: spend the budget);
+    confidence: of the interval; batch_size: rollouts in a batch."""
+
+    budget: int = 100_000
+    rel_error: float | None = None
+    confidence: float = 0.95
+    batch_size: int = 5000
+
+    def __post_init__(self) -> None:
+        if isinstance(self.budget, int | np.integer) and self.budget < LEAST_BUDGET:
+            raise BudgetError(f"budget must be at least {LEAST_BUDGET} rollout, not {self.budget}")
+        at_least("budget", self.budget, LEAST_BUDGET)
+        at_least("batch_size", self.batch_size, 1)
+        in_range("confidence", self.confidence, 0, 1)
+        if self.rel_error is not None:
+            in_range("rel_error", self.rel_error, 0, math.inf)
+
+
+@dataclass(frozen=True)
+class Naive:
+    """The algorithm: pure functions of a frozen state."""
+
+    base: Product
+    gamma: float
+    options: NaiveOptions = NaiveOptions()
+
+    def __post_init__(self) -> None:
+        base, gamma = checked_problem(self.base, self.gamma)
+        object.__setattr__(self, "base", base)
+        object.__setattr__(self, "gamma", gamma)
+
+    method = "naive"
+
+    @functools.cached_property
+    def digest(self) -> str:
+        return digest_of(self.base, "naive", self.gamma, self.options)
+
+    @property
+    def total_rollouts(self) -> int:
+        """Rollouts at most."""
+        return self.options.budget
+
+    def init(self, seed: int = 0) -> NaiveState:
+        """The state before any rollout."""
+        o = self.options
+        look_at = o.budget if o.rel_error is None else min(o.batch_size, o.budget)
+        return NaiveState(self.digest, checked_seed(seed), np.zeros(0), look_at, False)
+
+    def propose(self, state: NaiveState) -> Batch | None:
+        """The next batch, None when finished."""
+        if state.done:
+            return None
+        start = state.f.size
+        stop = min(start + self.options.batch_size, state.look_at)
+        x, noise = draw(self.base, state.seed, "estimate", 0, start, stop)
+        return Batch("estimate", 0, x, noise, self.base.parameters(), state.seed, start, stop)
+
+    def update(self, state: NaiveState, batch: Batch, f: ArrayLike) -> tuple[NaiveState, EstimationRecord]:
+        """The state after the batch was answered with f (n,), and a record of where the estimate stands."""
+        checked_turn(batch, state.seed, "estimate", 0, state.f.size)
+        joined = np.concatenate([state.f, checked_response(batch, f)])
+        after = NaiveState(state.digest, state.seed, joined, state.look_at, False)
+        est = self.estimate(after)
+        if joined.size >= state.look_at:
+            o = self.options
+            look_at, done = next_look(est, joined.size, o.budget, o.batch_size)
+            after = NaiveState(state.digest, state.seed, joined, look_at, done)
+        return after, record_of(est)
+
+    def estimate(self, state: NaiveState) -> Estimate:
+        """The estimate so far; p is NaN before the first batch."""
+        return Estimate(
+            gamma=self.gamma,
+            method="naive",
+            confidence=self.options.confidence,
+            rollouts=state.f.size,
+            training_rollouts=0,
+            f=state.f,
+            log_weights=None,
+            proposal=self.base,
+            finished=state.done,
+            rel_error=self.options.rel_error,
+            failed_rollouts=tuple(
+                FailedRollout("estimate", 0, int(i)) for i in np.flatnonzero(np.isnan(state.f))
+            ),
+        )
+
+    def proposal(self, state: NaiveState) -> Product:
+        """The distribution being sampled: the base."""
+        return self.base
+
+    def to_bytes(self, state: NaiveState) -> bytes:
+        return to_bytes(state)
+
+    def from_bytes(self, data: bytes) -> NaiveState:
+        """The state that `to_bytes` wrote, for this base, gamma and options; StateError otherwise."""
+        return from_bytes(data, NaiveState, self.digest)
+
+
+def record_of(est: Estimate) -> EstimationRecord:
+    """Where an estimate stands, as a flat record."""
+    low, high = est.ci
+    return EstimationRecord(
+        0,
+        est.estimation_rollouts,
+        est.p,
+        est.std_error,
+        low,
+        high,
+        est.ess,
+        est.max_weight_share,
+        est.events,
+        int(np.count_nonzero(np.isnan(est.f))),
+    )

@@ -1,0 +1,105 @@
+"""Multivariate Normal block, as a natural exponential family.
+
+With the covariance fixed, as in the paper: Gamma(x) = x, theta = Sigma^{-1} mu, A(theta) = theta^T Sigma
+theta / 2, carrier N(0, Sigma). With the covariance free: Gamma(x) = (x, x x^T), theta = (Sigma^{-1} mu,
+-Sigma^{-1} / 2).
+"""
+
+import functools
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import solve_triangular
+
+from ce.errors import FamilyError
+from ce.linear import Correlator, cholesky, solve
+
+Array = NDArray[np.float64]
+
+
+class Normal:
+    """Block of d coordinates, N(mean, cov). Not to be changed after construction.
+
+    mean: (d,); cov: (d, d), symmetric positive definite. Raises FamilyError for anything else.
+    The factor of the covariance is computed once and shared by every Normal made with `with_mean`.
+    """
+
+    def __init__(self, mean: ArrayLike, cov: ArrayLike) -> None:
+        mean_ = np.atleast_1d(np.array(mean, dtype=np.float64))
+        cov_ = np.array(cov, dtype=np.float64)
+        if mean_.ndim != 1 or mean_.size == 0:
+            raise FamilyError(f"Normal mean must have shape (d,), not {mean_.shape}")
+        if cov_.ndim == 0:
+            cov_ = cov_.reshape(1, 1)
+        if cov_.shape != (mean_.size, mean_.size):
+            raise FamilyError(f"Normal cov must have shape {(mean_.size, mean_.size)}, not {cov_.shape}")
+        if not (np.all(np.isfinite(mean_)) and np.all(np.isfinite(cov_))):
+            raise FamilyError("Normal mean and cov must be finite")
+        scale = float(np.abs(cov_).max())
+        if np.abs(cov_ - cov_.T).max() > 1e-9 * scale:
+            raise FamilyError(
+                "Normal cov must be symmetric; give (cov + cov.T) / 2 if the difference is rounding"
+            )
+        cov_ = 0.5 * (cov_ + cov_.T)
+        self._set(mean_, cov_, cholesky(cov_))
+
+    def _set(self, mean: Array, cov: Array, factor: Array) -> None:
+        for array in (mean, cov, factor):
+            array.setflags(write=False)
+        self.mean, self.cov, self.factor = mean, cov, factor
+
+    @property
+    def dim(self) -> int:
+        return self.mean.size
+
+    def with_mean(self, mean: Array) -> "Normal":
+        """N(mean, the same covariance)."""
+        if mean.shape != self.mean.shape or not np.all(np.isfinite(mean)):
+            raise FamilyError(f"mean must be {self.mean.shape} finite numbers")
+        other = object.__new__(Normal)
+        other._set(np.array(mean), self.cov, self.factor)
+        # The correlator depends on the covariance alone.
+        if "correlator" in self.__dict__:
+            other.__dict__["correlator"] = self.__dict__["correlator"]
+        return other
+
+    @functools.cached_property
+    def correlator(self) -> Correlator:
+        return Correlator(self.factor)
+
+    @functools.cached_property
+    def precision_mean(self) -> Array:
+        """theta = Sigma^{-1} mu, (d,)."""
+        return solve(self.factor, self.mean)
+
+    def log_partition(self) -> float:
+        """A(theta) = mu^T Sigma^{-1} mu / 2 of the family with fixed covariance."""
+        return 0.5 * float(np.sum(self.mean * self.precision_mean))
+
+    def log_density(self, x: Array) -> Array:
+        """log p, (n,), of x (n, d)."""
+        return self._log_density_and_white(x)
+
+    def _log_density_and_white(self, x: Array) -> Array:
+        white = solve_triangular(self.factor, (x - self.mean).T, lower=True)
+        constant = 0.5 * self.dim * np.log(2 * np.pi) + np.sum(np.log(np.diagonal(self.factor)))
+        return -0.5 * np.sum(white**2, axis=0) - constant
+
+    def log_ratio(self, other: "Normal", x: Array) -> Array:
+        """log p_self(x) - log p_other(x), (n,). With a shared covariance: (x - (mu + mu') / 2)^T Sigma^{-1}
+        (mu - mu').
+        """
+        if self.factor is other.factor:
+            direction = solve(self.factor, self.mean - other.mean)
+            return np.sum((x - 0.5 * (self.mean + other.mean)) * direction, axis=1)
+        return self.log_density(x) - other.log_density(x)
+
+    def kl(self, other: "Normal") -> float:
+        """KL(self || other), nats."""
+        shift = self.mean - other.mean
+        distance = float(np.sum(shift * solve(other.factor, shift)))
+        if self.factor is other.factor:
+            return 0.5 * distance
+        white = solve_triangular(other.factor, self.factor, lower=True)
+        log_det = np.sum(np.log(np.diagonal(other.factor))) - np.sum(np.log(np.diagonal(self.factor)))
+        return 0.5 * (float(np.sum(white**2)) - self.dim + distance) + float(log_det)

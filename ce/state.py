@@ -1,0 +1,157 @@
+"""The frozen states of the algorithms, the batches they propose, and the states' bytes.
+
+Bytes are MessagePack (msgspec); an array is a map of dtype, shape and its raw little-endian bytes, so that
+a state read back is the same to the bit.
+"""
+
+import hashlib
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from ce.beta import Beta
+from ce.errors import StateError
+from ce.product import Product
+
+FORMAT = 1
+
+
+class Batch(msgspec.Struct, frozen=True, eq=False):
+    """Rows [start, stop) of the stream (seed, phase, iteration), to be answered by one f each.
+
+    x: (n, d) float64; noise: (n,) uint64, a rollout's own seed; parameters: of the proposal, so that a
+    worker holding the base can draw the same rows alone: `draw(base.with_parameters(parameters), seed,
+    phase, iteration, start, stop)`.
+    """
+
+    phase: str
+    iteration: int
+    x: NDArray[np.float64]
+    noise: NDArray[np.uint64]
+    parameters: NDArray[np.float64]
+    seed: int
+    start: int
+    stop: int
+
+
+class TrainingRecord(msgspec.Struct, frozen=True):
+    """One iteration of the search.
+
+    quantile: rho-quantile of f under the sampled proposal; gamma_k = max(gamma, quantile), or the largest
+    finite f where the quantile is infinite; elites: rollouts with f <= gamma_k; ess, max_weight_share: of
+    their weights p0/p_theta; events: rollouts with f <= gamma; infinite, failed: rollouts with f = +inf, f
+    = NaN; step: the step taken (0 = the proposal stayed); kl: KL(sampled proposal || base), nats; summary:
+    of the sampled proposal's parameters.
+    """
+
+    iteration: int
+    rollouts: int
+    gamma_k: float
+    quantile: float
+    elites: int
+    ess: float
+    max_weight_share: float
+    events: int
+    infinite: int
+    failed: int
+    step: float
+    kl: float
+    summary: dict[str, float]
+    phase: str = "train"
+
+
+class EstimationRecord(msgspec.Struct, frozen=True):
+    """The estimate after one more batch of estimation rollouts."""
+
+    iteration: int
+    rollouts: int
+    p: float
+    std_error: float
+    low: float
+    high: float
+    ess: float
+    max_weight_share: float
+    events: int
+    failed: int
+    phase: str = "estimate"
+
+
+class NaiveState(msgspec.Struct, frozen=True, eq=False):
+    """Naive Monte Carlo: f so far, (n,), and the rollout count at which to look at the precision next."""
+
+    digest: str
+    seed: int
+    f: NDArray[np.float64]
+    look_at: int
+    done: bool
+    method: str = "naive"
+    format: int = FORMAT
+
+
+class CrossEntropyState(msgspec.Struct, frozen=True, eq=False):
+    """Algorithm 1: the proposal being used, the best one met, the records, then the estimation rollouts' f
+    and log w.
+    """
+
+    digest: str
+    seed: int
+    phase: str  # "train", "estimate" or "done"
+    iteration: int
+    parameters: NDArray[np.float64]
+    best_parameters: NDArray[np.float64]
+    best_quantile: float
+    records: tuple[TrainingRecord, ...]
+    failed: tuple[tuple[int, int], ...]  # (iteration, row) of failed training rollouts
+    f: NDArray[np.float64]
+    log_weights: NDArray[np.float64]
+    look_at: int
+    method: str = "ce"
+    format: int = FORMAT
+
+
+def _encode_array(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        little = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<"))
+        return {"dtype": little.dtype.str, "shape": little.shape, "data": little.tobytes()}
+    if isinstance(value, np.generic):
+        return value.item()
+    raise NotImplementedError(f"cannot encode {type(value).__name__}")
+
+
+def _decode_array(kind: type, value: Any) -> Any:
+    array = np.frombuffer(value["data"], dtype=np.dtype(value["dtype"])).reshape(value["shape"])
+    return array.astype(array.dtype.newbyteorder("="))
+
+
+_encoder = msgspec.msgpack.Encoder(enc_hook=_encode_array)
+
+
+def to_bytes(state: NaiveState | CrossEntropyState) -> bytes:
+    """The state as MessagePack."""
+    return _encoder.encode(state)
+
+
+def from_bytes(data: bytes, kind: type, digest: str) -> Any:
+    """The state of that kind, checked to belong to the problem with that digest; StateError otherwise."""
+    try:
+        state = msgspec.msgpack.decode(data, type=kind, dec_hook=_decode_array)
+    except (msgspec.MsgspecError, KeyError, TypeError, ValueError) as error:
+        raise StateError(f"these bytes are not a {kind.__name__}: {error}") from None
+    if state.format != FORMAT:
+        raise StateError(f"the state has format {state.format}, this version reads {FORMAT}")
+    if state.digest != digest:
+        raise StateError(
+            "the state belongs to another base distribution, gamma or options; give the same ones"
+        )
+    return state
+
+
+def digest_of(base: Product, *rest: Any) -> str:
+    """SHA-256 over the base distribution's numbers and whatever else defines the problem."""
+    described = [
+        ["beta", b.alpha, b.beta, b.low, b.high] if isinstance(b, Beta) else ["normal", b.mean, b.cov]
+        for b in base.blocks
+    ]
+    return hashlib.sha256(_encoder.encode([described, *rest])).hexdigest()

@@ -1,0 +1,62 @@
+"""Counter-based random streams: row i of a batch is the same whoever draws it, alone or with others.
+
+Philox 4x64 (Salmon et al., SC 2011) keyed by (seed, kind) with counter (0, chunk, iteration, phase), where
+a chunk is 1,000 consecutive rows. The lowest counter word runs, so every chunk has 2^66 words of its own.
+
+Draws use numpy's `Generator.beta` and `standard_normal`, whose algorithms numpy may change between feature
+releases; tests pin the first values, so that such a change is noticed.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ce.errors import OptionsError
+from ce.product import Product
+
+CHUNK = 1000  # rows
+PHASES = {"train": 0, "estimate": 1, "pilot": 2}
+_X_KIND, _NOISE_KIND = 0x7461696C, 0x726F6164  # any two fixed words: second half of the key
+
+
+def checked_seed(seed: int) -> int:
+    """seed as an int in [0, 2^64), or OptionsError."""
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= int(seed) < 2**64:
+        raise OptionsError(f"seed must be an integer from 0 to 2**64 - 1, not {seed!r}")
+    return int(seed)
+
+
+def generator(seed: int, kind: int, phase: str, iteration: int, chunk: int) -> np.random.Generator:
+    counter = np.array([0, chunk, iteration, PHASES[phase]], dtype=np.uint64)
+    key = np.array([seed, kind], dtype=np.uint64)
+    return np.random.Generator(np.random.Philox(counter=counter, key=key))
+
+
+def draw(
+    proposal: Product, seed: int, phase: str, iteration: int, start: int, stop: int
+) -> tuple[NDArray[np.float64], NDArray[np.uint64]]:
+    """Rows [start, stop) of a batch: x (n, d) from the proposal and a noise seed (n,) for each rollout.
+
+    phase: "train", "estimate" or "pilot". Within a chunk all Betas are drawn first, then each Normal's
+    standard normals; the whole chunk's numbers are drawn, but only the rows asked for are correlated.
+    """
+    if phase not in PHASES:
+        raise OptionsError(f"phase must be one of {', '.join(PHASES)}, not {phase!r}")
+    if not 0 <= start <= stop:
+        raise OptionsError(f"rows must satisfy 0 <= start <= stop, not [{start}, {stop})")
+    seed = checked_seed(seed)
+    x = np.empty((stop - start, proposal.dim))
+    noise = np.empty(stop - start, dtype=np.uint64)
+    for chunk in range(start // CHUNK, -(-stop // CHUNK)):
+        first = chunk * CHUNK
+        rows = slice(max(start - first, 0), min(stop - first, CHUNK))
+        into = slice(first + rows.start - start, first + rows.stop - start)
+        source = generator(seed, _X_KIND, phase, iteration, chunk)
+        if proposal.beta_columns.size:
+            x[into, proposal.beta_columns] = proposal.betas.sample(source, CHUNK)[rows]
+        for at, block in proposal.normals:
+            z = source.standard_normal((CHUNK, block.dim))[rows]
+            x[into, at : at + block.dim] = block.mean + block.correlator(z)
+        noise[into] = generator(seed, _NOISE_KIND, phase, iteration, chunk).bit_generator.random_raw(CHUNK)[
+            rows
+        ]
+    return x, noise
