@@ -35,8 +35,7 @@ def write_sources(name: str, geometry: Path, folder: Path | None = None) -> list
     raw = sources.read_geometry(Path(geometry))
     road = sources.make_road(raw)
     texts = {f"{name}.{suffix}.xml": text for suffix, text in sources.plain_xml(road).items()}
-    edges = [edge for edge, *_ in sources.MAINLINE]
-    texts["corridor.json"] = json.dumps({"edges": edges}, indent=1) + "\n"
+    texts["corridor.json"] = json.dumps(sources.description(), indent=1) + "\n"
     texts["reference_lines.json"] = json.dumps(sources.reference_lines(raw), separators=(",", ":")) + "\n"
     for file, text in texts.items():
         (folder / file).write_text(text, encoding="utf-8")

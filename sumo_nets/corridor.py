@@ -1,7 +1,7 @@
 """The lanes of a road as arrays over its length: what the world's kernels, plots and tests read.
 
 Frame: the network's own x, y in m; stations in m along a smooth reference line from the start of the road;
-lateral offsets in m, positive to the left of it. Lanes are numbered as in NGSIM: index 0 (lane 1) is leftmost.
+lateral offsets in m, left positive. Lanes are numbered as NGSIM does: index 0 (lane 1) is leftmost.
 """
 
 from __future__ import annotations
@@ -14,14 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from sumo_nets.curves import Curve, drop_repeats, even_curve, resample, smooth_curve, whittaker
+from sumo_nets.chain import SMOOTHING_M, Chain, open_net
+from sumo_nets.curves import Curve, resample, whittaker
 from sumo_nets.errors import NetworkError
 
 __all__ = ["BUILT_IN", "Corridor", "NetworkError", "built_in_folder", "load_corridor", "read_corridor"]
 
 BUILT_IN = ("i80",)
-STATION_STEP_M = 1.0
-SMOOTHING_M = 40.0  # undulations of a lane's polyline shorter than this are drawing, not road
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,189 +140,60 @@ def read_corridor(path: str | Path, edges: Sequence[str], name: str | None = Non
     does). Its polyline, junctions included, is smoothed; lanes keep the lateral distances they have from it.
     """
     path = Path(path)
-    net = _open(path)
-    chain = _Chain(net, path, tuple(edges))
-    return chain.corridor(name or path.name.removesuffix(".gz").removesuffix(".net.xml"))
+    chain = Chain(open_net(path), path, tuple(edges))
+    curve, drawn = chain.reference()
+    stations = np.arange(len(curve.x)) * curve.step_m
+    swing = _swing(curve, drawn, stations)
+    shape = (chain.columns, len(stations))
+    left, right = np.full(shape, np.nan), np.full(shape, np.nan)
+    edge_index, sumo_lane = np.full(shape, -1, np.int32), np.full(shape, -1, np.int32)
+    for column in range(chain.columns):
+        for run in chain.runs(column):
+            points, widths, owner = chain.polyline(run, column)
+            s, offset = curve.project(*points.T)
+            order = np.argsort(s, kind="stable")
+            s, offset, widths, owner = s[order], offset[order], widths[order], owner[order]
+            begin, end = 0, len(stations) - 1  # a lane of the first or last edge reaches the end of the road
+            if run[0] > 0:
+                begin = int(np.ceil(s[0] / curve.step_m - 1e-6))
+            if run[1] < len(chain.edges) - 1:
+                end = min(end, int(np.floor(s[-1] / curve.step_m + 1e-6)))
+            k = np.arange(begin, end + 1)
+            centre = np.interp(stations[k], s, offset) - swing[k]
+            half = np.interp(stations[k], s, widths) / 2.0
+            left[column, k] = whittaker(centre + half, SMOOTHING_M / curve.step_m, order=2)
+            right[column, k] = whittaker(centre - half, SMOOTHING_M / curve.step_m, order=2)
+            edge_index[column, k] = owner[np.clip(np.searchsorted(s, stations[k]), 0, len(s) - 1)]
+    for i, lanes in enumerate(chain.lanes):
+        for position, lane in enumerate(lanes):
+            column = chain.first[i] + position
+            sumo_lane[column, edge_index[column] == i] = lane.getIndex()
+    absent = np.flatnonzero((sumo_lane < 0).all(axis=0))
+    if len(absent):
+        raise NetworkError(f"{path}: no lane at station {stations[absent[0]]:.0f} m of the corridor")
+    return Corridor(
+        name=name or path.name.removesuffix(".gz").removesuffix(".net.xml"),
+        net_path=str(path),
+        edges=chain.edges,
+        ds_m=curve.step_m,
+        length_m=curve.length_m,
+        station_m=stations,
+        ref_x=curve.x,
+        ref_y=curve.y,
+        ref_heading=curve.heading,
+        ref_curvature=curve.curvature,
+        lane_left=left,
+        lane_right=right,
+        road_left=np.nanmax(left, axis=0),
+        road_right=np.nanmin(right, axis=0),
+        edge_index=edge_index,
+        sumo_lane=sumo_lane,
+    )
 
 
-def _open(path: Path):
-    if not path.is_file():
-        raise NetworkError(f"there is no network file {path}; give a SUMO .net.xml or {', '.join(BUILT_IN)}")
-    import sumolib  # here because it takes longer to import than the rest of this module together
-
-    try:
-        return sumolib.net.readNet(str(path), withInternal=True, withPrograms=False)
-    except Exception as error:  # sumolib lets through whatever the XML parser or its own lookups raise
-        raise NetworkError(f"{path} is not a SUMO network that can be read: {error}") from error
-
-
-class _Chain:
-    """Edges in driving order with one lane numbering: column c of every edge is the same strip of road."""
-
-    def __init__(self, net, path: Path, edges: tuple[str, ...]):
-        self.path, self.edges = path, edges
-        self.parts = []
-        for edge in edges:
-            if not net.hasEdge(edge):
-                known = [e.getID() for e in net.getEdges(withInternal=False)]
-                shown = ", ".join(known[:8]) + (", ..." if len(known) > 8 else "")
-                raise NetworkError(f"{path}: no edge {edge!r}; the network has {len(known)} edges: {shown}")
-            self.parts.append(net.getEdge(edge))
-        # lanes from the left: position 0 is SUMO's highest index
-        self.lanes = [list(reversed(part.getLanes())) for part in self.parts]
-        self.links = [self._link(net, i) for i in range(len(edges) - 1)]
-        shift = np.cumsum([0] + [self._shift(link) for link in self.links])
-        self.first = [int(s) for s in shift - shift.min()]  # column of the leftmost lane of each edge
-        self.columns = max(f + len(lanes) for f, lanes in zip(self.first, self.lanes, strict=True))
-
-    def _link(self, net, i: int) -> dict[tuple[int, int], np.ndarray]:
-        """Connections from edge i to edge i + 1: (position, position) -> points inside the junction."""
-        found = {}
-        position = [{lane.getID(): p for p, lane in enumerate(self.lanes[j])} for j in (i, i + 1)]
-        for connection in self.parts[i].getOutgoing().get(self.parts[i + 1], []):
-            key = (position[0][connection.getFromLane().getID()], position[1][connection.getToLane().getID()])
-            found[key] = self._inside(net, connection.getViaLaneID())
-        if not found:
-            a, b = self.edges[i], self.edges[i + 1]
-            followers = ", ".join(e.getID() for e in self.parts[i].getOutgoing()) or "nothing"
-            raise NetworkError(f"{self.path}: edge {a!r} does not lead to {b!r}; it leads to {followers}")
-        return found
-
-    def _inside(self, net, via: str) -> np.ndarray:
-        shapes = []
-        while via:
-            lane = net.getLane(via)
-            shapes.append(np.array(lane.getShape(), float)[:, :2])
-            onward = lane.getOutgoing()
-            via = onward[0].getViaLaneID() if onward else ""
-        return np.concatenate(shapes) if shapes else np.empty((0, 2))
-
-    @staticmethod
-    def _shift(link) -> int:
-        """Columns by which edge i + 1 begins to the right (+) of edge i: the connections' vote."""
-        shifts = [a - b for a, b in link]
-        return max(sorted(set(shifts), key=abs), key=shifts.count)
-
-    def has(self, i: int, column: int) -> bool:
-        return 0 <= column - self.first[i] < len(self.lanes[i])
-
-    def runs(self, column: int) -> list[tuple[int, int]]:
-        """Stretches (first edge, last edge) over which the column goes on without a break."""
-        out: list[tuple[int, int]] = []
-        for i in range(len(self.edges)):
-            if not self.has(i, column):
-                continue
-            joined = out and out[-1][1] == i - 1 and self._joint(i - 1, column) is not None
-            out = [*out[:-1], (out[-1][0], i)] if joined else [*out, (i, i)]
-        return out
-
-    def _joint(self, i: int, column: int) -> np.ndarray | None:
-        return self.links[i].get((column - self.first[i], column - self.first[i + 1]))
-
-    def lane(self, i: int, column: int):
-        return self.lanes[i][column - self.first[i]]
-
-    def polyline(self, run: tuple[int, int], column: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Centre points (n, 2) of a run, the lane's width at each and the edge each belongs to."""
-        points, widths, owner = [], [], []
-        for i in range(run[0], run[1] + 1):
-            lane = self.lane(i, column)
-            shape = resample(np.array(lane.getShape(), float)[:, :2], 1.0)
-            points.append(shape)
-            widths.append(np.full(len(shape), lane.getWidth()))
-            owner.append(np.full(len(shape), i))
-            joint = self._joint(i, column) if i < run[1] else None
-            if joint is not None and len(joint):
-                after = self.lane(i + 1, column).getWidth()
-                points.append(joint)
-                widths.append(np.linspace(lane.getWidth(), after, len(joint)))
-                owner.append(np.where(np.arange(len(joint)) < len(joint) / 2, i, i + 1))
-        return np.concatenate(points), np.concatenate(widths), np.concatenate(owner)
-
-    def reference(self) -> tuple[Curve, np.ndarray]:
-        """Smooth line in the middle of the through lanes, and the polyline (n, 2) it was made from."""
-        present = [sum(self.has(i, c) for i in range(len(self.edges))) for c in range(self.columns)]
-        through = [c for c in range(self.columns) if self.runs(c) == [(0, len(self.edges) - 1)]]
-        if not through:
-            through = [int(np.argmax(present))]
-        low, high = through[(len(through) - 1) // 2], through[len(through) // 2]
-        raw = self._spine(low)
-        curve = smooth_curve(raw, SMOOTHING_M, STATION_STEP_M)
-        if high != low:
-            width = 0.5 * (self.lane(0, low).getWidth() + self.lane(0, high).getWidth())
-            curve = even_curve(curve.shifted(-width / 2.0), STATION_STEP_M)
-        return curve, raw
-
-    def _spine(self, column: int) -> np.ndarray:
-        """Polyline of a column over all edges; where it is missing, that of the nearest lane moved over."""
-        points = []
-        for i in range(len(self.edges)):
-            position = int(np.clip(column - self.first[i], 0, len(self.lanes[i]) - 1))
-            lane = self.lanes[i][position]
-            shape = np.array(lane.getShape(), float)[:, :2]
-            aside = (position - (column - self.first[i])) * lane.getWidth()
-            if aside:
-                tangent = np.gradient(shape, axis=0)
-                tangent /= np.hypot(*tangent.T)[:, None]
-                shape = shape + aside * np.column_stack([-tangent[:, 1], tangent[:, 0]])
-            points.append(shape)
-            joint = self._joint(i, column) if i + 1 < len(self.edges) and self.has(i, column) else None
-            if joint is not None:
-                points.append(joint)
-        return drop_repeats(np.concatenate(points))
-
-    def corridor(self, name: str) -> Corridor:
-        curve, raw = self.reference()
-        stations = np.arange(len(curve.x)) * curve.step_m
-        shape = (self.columns, len(stations))
-        left, right = np.full(shape, np.nan), np.full(shape, np.nan)
-        edge_index, sumo_lane = np.full(shape, -1, np.int32), np.full(shape, -1, np.int32)
-        # how far the drawn line swings about the smooth one; taken out of all lanes alike
-        swing_s, swing = curve.project(*resample(raw, 1.0).T)
-        order = np.argsort(swing_s, kind="stable")
-        swing = np.interp(stations, swing_s[order], swing[order])
-        swing -= whittaker(swing, SMOOTHING_M, order=2) if np.ptp(swing) > 0 else swing
-        for column in range(self.columns):
-            for run in self.runs(column):
-                points, widths, owner = self.polyline(run, column)
-                s, offset = curve.project(*points.T)
-                order = np.argsort(s, kind="stable")
-                s, offset, widths, owner = s[order], offset[order], widths[order], owner[order]
-                begin = 0 if run[0] == 0 else int(np.ceil(s[0] / curve.step_m - 1e-6))
-                end = len(stations) - 1
-                if run[1] < len(self.edges) - 1:
-                    end = min(end, int(np.floor(s[-1] / curve.step_m + 1e-6)))
-                if end < begin:
-                    continue
-                k = np.arange(begin, end + 1)
-                centre = np.interp(stations[k], s, offset) - swing[k]
-                half = np.interp(stations[k], s, widths) / 2.0
-                left[column, k] = whittaker(centre + half, SMOOTHING_M / curve.step_m, order=2)
-                right[column, k] = whittaker(centre - half, SMOOTHING_M / curve.step_m, order=2)
-                nearest = np.clip(np.searchsorted(s, stations[k]), 0, len(s) - 1)
-                edge_index[column, k] = owner[nearest]
-        for i, lanes in enumerate(self.lanes):
-            for position, lane in enumerate(lanes):
-                column = self.first[i] + position
-                sumo_lane[column, edge_index[column] == i] = lane.getIndex()
-        absent = np.flatnonzero((sumo_lane < 0).all(axis=0))
-        if len(absent):
-            raise NetworkError(f"{self.path}: no lane at station {stations[absent[0]]:.0f} m of the corridor")
-        return Corridor(
-            name=name,
-            net_path=str(self.path),
-            edges=self.edges,
-            ds_m=curve.step_m,
-            length_m=curve.length_m,
-            station_m=stations,
-            ref_x=curve.x,
-            ref_y=curve.y,
-            ref_heading=curve.heading,
-            ref_curvature=curve.curvature,
-            lane_left=left,
-            lane_right=right,
-            road_left=np.nanmax(left, axis=0),
-            road_right=np.nanmin(right, axis=0),
-            edge_index=edge_index,
-            sumo_lane=sumo_lane,
-        )
+def _swing(curve: Curve, drawn: np.ndarray, stations: np.ndarray) -> np.ndarray:
+    """How far (m) the drawn line swings about the smooth one at each station; all lanes swing alike."""
+    s, offset = curve.project(*resample(drawn, 1.0).T)
+    order = np.argsort(s, kind="stable")
+    offset = np.interp(stations, s[order], offset[order])
+    return offset - whittaker(offset, SMOOTHING_M / curve.step_m, order=2)

@@ -225,6 +225,47 @@ def _document(tag: str, lines: list[str]) -> str:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{note}\n<{tag}>\n' + "\n".join(lines) + f"\n</{tag}>\n"
 
 
+def description() -> dict:
+    """corridor.json: the edges in driving order and what the check expects of the road."""
+    cad = [("cad/centerline1", 1, 0.0), ("cad/centerline2", 2, 0.0), ("cad/centerline3", 3, 567.0)]
+    cad += [("cad/centerline4", 4, 567.0), ("cad/centerline5", 5, 475.0), ("cad/centerline6", 6, 475.0)]
+    comparisons = []
+    for line, lane, start in cad:
+        # lanes 5 and 6 swerve on the drawing where the ramps join and leave; ours stay parallel
+        end = DIVERGE_START_M if lane == 6 else JOIN_START_M
+        swerves = lane >= 5
+        comparisons.append(_tolerance(line, lane, start, end, 0.1, 0.9 if swerves else 0.2, 1.0))
+    joined = JOIN_START_M + JOIN_LENGTH_M
+    middle = "osm/i80_downstream_n_2"
+    comparisons.append(_tolerance(middle, 3, JOIN_START_M, joined, 1.5, 2.0, 2.2))
+    for lane in range(1, 6):
+        line = f"osm/i80_downstream_n_{5 - lane}"
+        # OpenStreetMap's lanes are 3.2 m wide, so away from the middle lane theirs and ours differ
+        aside = abs(lane - 3) * (LANE_WIDTH_M - 3.2)
+        comparisons.append(_tolerance(line, lane, joined, LENGTH_M, *(aside + t for t in (0.2, 0.3, 0.4))))
+    return {
+        "edges": [edge for edge, *_ in MAINLINE],
+        "expected": {
+            "length_m": [2000.0, 2100.0],
+            "lanes": [LANES, LANES + 1],
+            "lane_width_m": [LANE_WIDTH_M - 0.005, LANE_WIDTH_M + 0.005],
+            "max_curvature_per_m": 1.0 / 400.0,
+            "max_heading_step_rad_per_m": 1.0 / 400.0,
+            "max_curvature_step_per_m2": 1e-4,
+            "max_boundary_step_m_per_m": 0.001,
+            "max_offset_from_net_m": 0.02,
+            "comparisons": comparisons,
+        },
+    }
+
+
+def _tolerance(
+    line: str, lane: int, start: float, end: float, median: float, p95: float, worst: float
+) -> dict:
+    span = {"line": line, "lane": lane, "from_m": start, "to_m": end}
+    return span | {"median_m": round(median, 2), "p95_m": round(p95, 2), "max_m": round(worst, 2)}
+
+
 def reference_lines(raw: RawGeometry) -> dict:
     """What the check compares the net with, small enough to ship: CAD and OSM lines in the net's frame."""
 
