@@ -100,6 +100,25 @@ def observe(
 
 
 @kernel
+def write_poses(agents: np.ndarray, controlled: int, lanes: int, poses: np.ndarray) -> None:
+    """Fill `poses` (controlled, 4): front bumper x, y (m), heading as a compass angle (degrees), lane hint.
+
+    That is how SUMO places vehicles. The hint is station * `lanes` + lane, as last located; -1 for a vehicle that has
+    left the world.
+    """
+    for i in range(controlled):
+        agent = agents[i]
+        if agent[A.ACTIVE] == 0.0:
+            poses[i, 3] = -1.0
+            continue
+        sine, cosine = sincos(agent[A.HEADING_RAD])
+        poses[i, 0] = agent[A.X_M] + 0.5 * agent[A.LENGTH_M] * cosine
+        poses[i, 1] = agent[A.Y_M] + 0.5 * agent[A.LENGTH_M] * sine
+        poses[i, 2] = 90.0 - agent[A.HEADING_RAD] * (180.0 / math.pi)
+        poses[i, 3] = agent[A.STATION] * lanes + agent[A.LANE]
+
+
+@kernel
 def advance_all(
     agents: np.ndarray,
     controlled: int,
@@ -115,14 +134,14 @@ def advance_all(
     action_scale: np.ndarray,
     noise: np.ndarray,
     dt_s: float,
+    lanes: int,
     poses: np.ndarray,
 ) -> None:
     """Move every active controlled vehicle by one step.
 
     Environment vehicles are driven by the network with `head` (404,) float32 and this step's standard normals
     `noise` (controlled, 2); one that has left the road or hit another is driven by the lane-keeping intelligent
-    driver from then on. The ego does what its policy said and is never taken over. `poses` (controlled, 3) gets
-    each vehicle's front bumper (m) and its heading as a compass angle (degrees), as SUMO places vehicles.
+    driver from then on. The ego does what its policy said and is never taken over. `poses`: see `write_poses`.
     """
     outputs = np.empty(layout.OUTPUTS, np.float32)
     for i in range(controlled):
@@ -140,7 +159,4 @@ def advance_all(
                 forward(observations[i], w1, b1, w2, b2, head, outputs)
                 acceleration, turn_rate = sample_action(outputs, action_scale, noise[i, 0], noise[i, 1])
             advance(agent, acceleration, turn_rate, dt_s, False)
-        sine, cosine = sincos(agent[A.HEADING_RAD])
-        poses[i, 0] = agent[A.X_M] + 0.5 * agent[A.LENGTH_M] * cosine
-        poses[i, 1] = agent[A.Y_M] + 0.5 * agent[A.LENGTH_M] * sine
-        poses[i, 2] = 90.0 - agent[A.HEADING_RAD] * (180.0 / math.pi)
+    write_poses(agents, controlled, lanes, poses)

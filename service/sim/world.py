@@ -7,10 +7,11 @@ import numpy as np
 from policies import layout
 from policies.exactmath import normals_from_bits
 from service import agents as A
+from service.scenario.base import Start
 from service.sensors.lidar import beam_directions
 from service.sim.projection import place
 from service.sim.road import Road
-from service.sim.step import advance_all, observe
+from service.sim.step import advance_all, observe, write_poses
 
 
 @dataclass(frozen=True)
@@ -22,19 +23,6 @@ class DriverNetwork:
     w2: np.ndarray  # (200, 100)
     b2: np.ndarray  # (100,)
     action_scale: np.ndarray  # (2,) float64: m/s^2 and rad/s
-
-
-@dataclass(frozen=True)
-class Start:
-    """Where a vehicle starts."""
-
-    station_m: float
-    lane: int  # 0 is the leftmost
-    lane_offset_m: float
-    lane_heading_rad: float
-    speed_mps: float
-    length_m: float
-    width_m: float
 
 
 def action_noise(seed: int, steps: int, vehicles: int) -> np.ndarray:
@@ -69,7 +57,7 @@ class World:
         self.agents = np.zeros((vehicles + background_rows, A.COLUMNS))
         self.count = vehicles
         self.observations = np.zeros((vehicles, layout.OBSERVATION_SIZE))
-        self.poses = np.zeros((vehicles, 3))
+        self.poses = np.zeros((vehicles, 4))
         self._head = np.zeros(layout.HEAD_SIZE, np.float32)
         self._network = network
         self._beams = beam_directions(layout.BEAMS)
@@ -130,5 +118,10 @@ class World:
             net.action_scale,
             noise,
             self.dt_s,
+            self.road.lanes.shape[1],
             self.poses,
         )
+
+    def write_poses(self) -> None:
+        """Update `poses` from the vehicles' state; `advance` does so by itself."""
+        write_poses(self.agents, self.vehicles, self.road.lanes.shape[1], self.poses)

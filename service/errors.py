@@ -1,0 +1,44 @@
+"""What can go wrong, as a small tree.
+
+TailroadError                 everything that a user can put right; its text says what was given and what to do
+├── InputError                a file, an option or a value that is not as it must be (exit code 2)
+│   └── ScenarioError         a scenario file: names the file, the key and the value
+├── SimulationError           the world cannot run: SUMO refused, or a second simulation in one process
+├── EgoError                  the ego policy failed or answered nonsense (recorded with the rollout)
+├── StoreError                a run directory that is not one, is damaged, or belongs to another job
+└── WorkerError               a process died while it ran a rollout
+"""
+
+
+class TailroadError(Exception):
+    """Something that the user can put right."""
+
+
+class InputError(TailroadError):
+    """An option, a file or a value that is not as it must be."""
+
+
+class ScenarioError(InputError):
+    """A scenario that cannot be used: the file, the key, the value given, and what to do."""
+
+    def __init__(self, source: str, key: str, given: object, remedy: str):
+        self.source, self.key, self.given, self.remedy = source, key, given, remedy
+        where = f"{source}: {key}" if key else source
+        said = "" if given is None else f" is {given!r}"
+        super().__init__(f"{where}{said}: {remedy}")
+
+
+class SimulationError(TailroadError):
+    """The world cannot run."""
+
+
+class EgoError(TailroadError):
+    """The ego policy failed or answered nonsense."""
+
+
+class StoreError(TailroadError):
+    """A run directory that cannot be used."""
+
+
+class WorkerError(TailroadError):
+    """A worker process died."""

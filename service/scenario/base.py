@@ -1,0 +1,59 @@
+"""The base distribution P0 of a scenario, and what a draw from it means to the world."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from policies.drivers import DriverModel
+
+import ce
+from policies.layout import HEAD_SIZE
+from service.scenario.schema import Scenario
+
+PER_VEHICLE = ("station_m", "lane_offset_m", "heading_deg", "speed_mps")  # S, T, W, V of the paper
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a vehicle starts."""
+
+    station_m: float
+    lane: int  # 0 is the leftmost
+    lane_offset_m: float
+    lane_heading_rad: float
+    speed_mps: float
+    length_m: float
+    width_m: float
+
+
+def base_distribution(scenario: Scenario, drivers: DriverModel) -> ce.Product:
+    """P0 of X = (S, T, W, V of each vehicle, xi): dimension 4 vehicles + 404 (paper, section 4)."""
+    blocks: list[ce.Beta | ce.Normal] = []
+    names: list[str] = []
+    for vehicle in scenario.vehicles:
+        for key in PER_VEHICLE:
+            dist = scenario.of(vehicle, key)
+            blocks.append(ce.Beta(dist.alpha, dist.beta, dist.low, dist.high))
+            names.append(f"{vehicle.name}.{key}")
+    blocks.append(ce.Normal(drivers.mu0, drivers.sigma0))
+    names += [f"xi[{i}]" for i in range(HEAD_SIZE)]
+    return ce.Product(blocks, names)
+
+
+def unpack(scenario: Scenario, x: np.ndarray) -> tuple[list[Start], np.ndarray]:
+    """The starts and the driver weights xi (404,) that a draw x (d,) stands for."""
+    starts = []
+    for i, vehicle in enumerate(scenario.vehicles):
+        station, offset, heading, speed = x[4 * i : 4 * i + 4].tolist()
+        starts.append(
+            Start(
+                station_m=station,
+                lane=vehicle.lane - 1,
+                lane_offset_m=offset,
+                lane_heading_rad=heading * (math.pi / 180.0),
+                speed_mps=speed,
+                length_m=scenario.of(vehicle, "length_m"),
+                width_m=scenario.of(vehicle, "width_m"),
+            )
+        )
+    return starts, x[4 * len(scenario.vehicles) :]

@@ -1,0 +1,146 @@
+"""What a well-formed scenario can still get wrong: values that cannot be, and a road that does not fit."""
+
+import math
+import re
+
+from service.errors import ScenarioError
+from service.scenario.schema import Beta, Scenario, Vehicle
+from sumo_nets.corridor import Corridor, load_corridor
+from sumo_nets.errors import NetworkError
+
+MAX_VEHICLES = 64
+MAX_STEPS = 100_000
+MAX_SPEED_MPS = 70.0
+DISTRIBUTIONS = ("station_m", "lane_offset_m", "heading_deg", "speed_mps")
+# the widest values that make sense, and what a value beyond them usually is
+PLAUSIBLE = {
+    "lane_offset_m": (-10.0, 10.0, "an offset from the lane's centre is a few metres at most"),
+    "heading_deg": (-90.0, 90.0, "a heading is relative to the lane, within 90 degrees"),
+    "speed_mps": (
+        0.0,
+        MAX_SPEED_MPS,
+        f"speeds are metres per second, 0 to {MAX_SPEED_MPS:g}; divide km/h by 3.6",
+    ),
+}
+
+
+def check_values(scenario: Scenario, source: str) -> None:
+    """Raise ScenarioError for values that cannot be, without opening the network."""
+
+    def refuse(key: str, given: object, remedy: str) -> None:
+        raise ScenarioError(source, key, given, remedy)
+
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", scenario.name):
+        refuse("name", scenario.name, "use up to 64 letters, digits, '.', '_' and '-'")
+    step = scenario.time.step_s
+    if not 0.001 <= step <= 1.0:
+        refuse("time.step_s", step, "give a step between 0.001 and 1 second; 0.1 is usual")
+    if abs(step * 1000 - round(step * 1000)) > 1e-9:
+        refuse("time.step_s", step, "SUMO's clock counts whole milliseconds; give a multiple of 0.001")
+    if scenario.time.horizon_s < step:
+        refuse("time.horizon_s", scenario.time.horizon_s, f"give at least one step ({step} s)")
+    if scenario.steps > MAX_STEPS:
+        refuse(
+            "time.horizon_s",
+            scenario.time.horizon_s,
+            f"gives {scenario.steps} steps; at most {MAX_STEPS} fit",
+        )
+    if abs(scenario.steps * step - scenario.time.horizon_s) > 1e-6:
+        refuse("time.horizon_s", scenario.time.horizon_s, f"not a whole number of steps of {step} s")
+    if not 1 <= scenario.safety.rays <= 3600:
+        refuse("safety.rays", scenario.safety.rays, "give 1 to 3600 rays; the paper uses 20")
+    if not 1 <= len(scenario.vehicles) <= MAX_VEHICLES:
+        refuse("vehicles", len(scenario.vehicles), f"give 1 to {MAX_VEHICLES} vehicles")
+    egos = [v.name for v in scenario.vehicles if v.role == "ego"]
+    if len(egos) != 1:
+        refuse("vehicles", egos, 'exactly one vehicle must have role = "ego"')
+    seen: set[str] = set()
+    for i, vehicle in enumerate(scenario.vehicles):
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}", vehicle.name):
+            refuse(f"vehicles[{i}].name", vehicle.name, "use up to 32 letters, digits, '_' and '-'")
+        if vehicle.name in seen:
+            refuse(f"vehicles[{i}].name", vehicle.name, "two vehicles have this name; give each its own")
+        seen.add(vehicle.name)
+        for key in ("length_m", "width_m"):
+            size = scenario.of(vehicle, key)
+            if not 0.3 <= size <= 30.0:
+                refuse(_key(vehicle, i, key), size, "vehicles are 0.3 to 30 m; check the unit")
+        for key in DISTRIBUTIONS:
+            _check_distribution(scenario.of(vehicle, key), key, _key(vehicle, i, key), refuse)
+    background = scenario.background
+    if background is not None:
+        if not 0.0 < background.density_veh_per_km_lane <= 100.0:
+            refuse(
+                "background.density_veh_per_km_lane",
+                background.density_veh_per_km_lane,
+                "give above 0 up to 100",
+            )
+        if not 0.0 < background.speed_mps <= MAX_SPEED_MPS:
+            refuse("background.speed_mps", background.speed_mps, f"give above 0 up to {MAX_SPEED_MPS:g} m/s")
+    _check_overlaps(scenario, source)
+
+
+def check_road(scenario: Scenario, source: str) -> Corridor:
+    """The scenario's road; ScenarioError where it is missing or does not carry the vehicles' starts."""
+    network = scenario.network
+    try:
+        corridor = load_corridor(network.road, list(network.edges) or None)
+    except NetworkError as error:
+        raise ScenarioError(source, "network.road", network.road, str(error)) from error
+    lanes = corridor.lane_left.shape[0]
+    for i, vehicle in enumerate(scenario.vehicles):
+        key = f"vehicles[{i}].lane"
+        if not 1 <= vehicle.lane <= lanes:
+            raise ScenarioError(source, key, vehicle.lane, f"the road has lanes 1 (leftmost) to {lanes}")
+        station = scenario.of(vehicle, "station_m")
+        if station.low < 0.0 or station.high > corridor.length_m:
+            raise ScenarioError(
+                source,
+                _key(vehicle, i, "station_m"),
+                f"{station.low:g} to {station.high:g}",
+                f"the road goes from 0 to {corridor.length_m:.0f} m",
+            )
+        first, last = math.floor(station.low / corridor.ds_m), math.ceil(station.high / corridor.ds_m)
+        if any(math.isnan(v) for v in corridor.lane_left[vehicle.lane - 1, first : last + 1]):
+            raise ScenarioError(
+                source,
+                key,
+                vehicle.lane,
+                f"lane {vehicle.lane} does not exist over {station.low:g} to {station.high:g} m",
+            )
+    return corridor
+
+
+def _key(vehicle: Vehicle, index: int, key: str) -> str:
+    return f"start.{key}" if getattr(vehicle, key) is None else f"vehicles[{index}].{key}"
+
+
+def _check_distribution(dist: Beta, kind: str, key: str, refuse) -> None:
+    for name in ("alpha", "beta"):
+        if not 0.0 < getattr(dist, name) <= 1000.0:
+            refuse(f"{key}.{name}", getattr(dist, name), "Beta parameters lie above 0 and at most 1000")
+    if not dist.low < dist.high:
+        refuse(f"{key}.low", dist.low, f"low must lie below high ({dist.high:g})")
+    if kind in PLAUSIBLE:
+        low, high, remedy = PLAUSIBLE[kind]
+        for end in ("low", "high"):
+            if not low <= getattr(dist, end) <= high:
+                refuse(f"{key}.{end}", getattr(dist, end), remedy)
+
+
+def _check_overlaps(scenario: Scenario, source: str) -> None:
+    """Refuse two vehicles in one lane whose boxes could overlap at the start."""
+    for j, b in enumerate(scenario.vehicles):
+        for a in scenario.vehicles[:j]:
+            if a.lane != b.lane:
+                continue
+            sa, sb = scenario.of(a, "station_m"), scenario.of(b, "station_m")
+            room = 0.5 * (scenario.of(a, "length_m") + scenario.of(b, "length_m"))
+            if sa.low - room < sb.high and sb.low - room < sa.high:
+                raise ScenarioError(
+                    source,
+                    f"vehicles[{j}].station_m",
+                    f"{sb.low:g} to {sb.high:g}",
+                    f"{b.name} can start on top of {a.name}, which starts at {sa.low:g} to {sa.high:g} m in the same "
+                    f"lane {a.lane}; keep the ranges {room:g} m apart or use another lane",
+                )

@@ -1,0 +1,189 @@
+"""Read a scenario and refuse a wrong one, before any work starts, with the file, the key, the value and a remedy."""
+
+import difflib
+import hashlib
+import math
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from service.errors import ScenarioError
+from service.scenario.check import check_values
+from service.scenario.schema import FORMAT, Scenario
+
+FOLDER = Path(__file__).parent
+UNITS = {
+    "m": "metres",
+    "s": "seconds",
+    "deg": "degrees",
+    "mps": "metres per second",
+    "veh_per_km_lane": "vehicles per kilometre and lane",
+}
+UNIT_ENDINGS = "|".join(
+    [
+        "mps",
+        "kmh",
+        "kph",
+        "mph",
+        "fps",
+        "ms",
+        "min",
+        "h",
+        "km",
+        "cm",
+        "mm",
+        "ft",
+        "feet",
+        "mi",
+        "deg",
+        "rad",
+        "s",
+        "m",
+    ]
+)
+MAX_BYTES = 1_000_000
+
+
+def built_in_names() -> list[str]:
+    """Names of the scenarios that come with tailroad."""
+    return sorted(path.stem for path in FOLDER.glob("*.toml"))
+
+
+def load_scenario(name_or_path: str) -> Scenario:
+    """The scenario of that built-in name or file.
+
+    Raises ScenarioError for a file that is missing, is not TOML, has unknown or missing keys, or values that cannot
+    be used; the network it names is opened by `service.scenario.check.check_road`.
+    """
+    path = _find(name_or_path)
+    source = path.stem if path.parent == FOLDER else str(path)
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise ScenarioError(source, "", None, f"larger than {MAX_BYTES} bytes; this is not a scenario")
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(source, "", None, f"not valid TOML: {error}") from error
+    except UnicodeDecodeError as error:
+        raise ScenarioError(source, "", None, f"not a text file in UTF-8: {error}") from error
+    except OSError as error:
+        raise ScenarioError(source, "", None, f"cannot be read: {error.strerror or error}") from error
+    return parse_scenario(data, source, path.parent)
+
+
+def parse_scenario(data: dict[str, Any], source: str, folder: Path) -> Scenario:
+    """The scenario in `data`, as read from `source`; paths in it are relative to `folder`."""
+    if data.get("format") != FORMAT:
+        raise ScenarioError(
+            source,
+            "format",
+            data.get("format"),
+            f"this tailroad reads scenario format {FORMAT}; write format = {FORMAT}",
+        )
+    _refuse_non_finite(data, "", source)
+    try:
+        scenario = msgspec.convert(data, Scenario, strict=True)
+    except msgspec.ValidationError as error:
+        raise _explain(str(error), data, source) from error
+    scenario = _resolve_paths(scenario, folder)
+    check_values(scenario, source)
+    return scenario
+
+
+def digest(scenario: Scenario) -> str:
+    """A hash of everything the scenario file says; paths are part of it, the files they name are not."""
+    return hashlib.sha256(msgspec.json.encode(scenario, order="deterministic")).hexdigest()[:16]
+
+
+def _find(name_or_path: str) -> Path:
+    built_in = FOLDER / f"{name_or_path}.toml"
+    if name_or_path in built_in_names():
+        return built_in
+    path = Path(name_or_path)
+    if path.is_file():
+        return path
+    if path.suffix == ".toml" or len(path.parts) > 1:
+        raise ScenarioError(
+            name_or_path, "", None, "no such file; check the path, or see `tailroad scenario list`"
+        )
+    close = difflib.get_close_matches(name_or_path, built_in_names(), 1)
+    hint = f"did you mean {close[0]!r}?" if close else f"there are {', '.join(built_in_names())}"
+    raise ScenarioError(name_or_path, "", None, f"no scenario of that name and no such file; {hint}")
+
+
+def _resolve_paths(scenario: Scenario, folder: Path) -> Scenario:
+    """Paths relative to the scenario's file become absolute."""
+    network, drivers = scenario.network, scenario.drivers
+    if network.road.endswith(".xml") or network.road.endswith(".xml.gz"):
+        network = msgspec.structs.replace(network, road=str((folder / network.road).resolve()))
+    if drivers.weights.endswith(".safetensors"):
+        drivers = msgspec.structs.replace(drivers, weights=str((folder / drivers.weights).resolve()))
+    return msgspec.structs.replace(scenario, network=network, drivers=drivers)
+
+
+def _refuse_non_finite(value: Any, key: str, source: str) -> None:
+    if isinstance(value, dict):
+        for name, item in value.items():
+            _refuse_non_finite(item, f"{key}.{name}" if key else name, source)
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            _refuse_non_finite(item, f"{key}[{index}]", source)
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ScenarioError(source, key, value, "not a finite number; give a finite one")
+
+
+def _explain(message: str, data: dict[str, Any], source: str) -> ScenarioError:
+    """msgspec's message as ours: the key as the file writes it, the value, and what to do."""
+    match = re.match(r"(?P<what>.*?)(?: - at `\$\.?(?P<path>.*)`)?$", message, re.S)
+    what, path = (match["what"], match["path"] or "") if match else (message, "")
+    if unknown := re.match(r"Object contains unknown field `(.*)`", what):
+        name = unknown[1]
+        key = f"{path}.{name}" if path else name
+        return ScenarioError(source, key, _value_at(data, key), _suggest(name, path))
+    if missing := re.match(r"Object missing required field `(.*)`", what):
+        key = f"{path}.{missing[1]}" if path else missing[1]
+        return ScenarioError(source, key, None, f"missing; add it{_unit_hint(missing[1])}")
+    return ScenarioError(source, path, _value_at(data, path), what[:1].lower() + what[1:])
+
+
+def _suggest(name: str, path: str) -> str:
+    known = _known_keys()
+    stem = re.sub(rf"_({UNIT_ENDINGS})$", "", name)
+    for key in known:
+        ending = next((u for u in UNITS if key == f"{stem}_{u}"), None)
+        if ending is not None:
+            return f"wrong unit or none; give {UNITS[ending]} as `{key}`"
+    close = difflib.get_close_matches(name, known, 1)
+    if close:
+        return f"unknown key; did you mean `{close[0]}`?"
+    return "unknown key; remove it, or see `tailroad scenario show i80` for the keys there are"
+
+
+def _unit_hint(key: str) -> str:
+    for ending, unit in UNITS.items():
+        if key.endswith(f"_{ending}"):
+            return f", in {unit}"
+    return ""
+
+
+def _known_keys() -> list[str]:
+    keys: set[str] = set()
+    pending: list[Any] = [Scenario]
+    while pending:
+        for field in msgspec.structs.fields(pending.pop()):
+            keys.add(field.encode_name)
+            for item in (field.type, *getattr(field.type, "__args__", ())):
+                if isinstance(item, type) and issubclass(item, msgspec.Struct):
+                    pending.append(item)
+    return sorted(keys | {"distribution"})
+
+
+def _value_at(data: Any, path: str) -> Any:
+    for part in re.findall(r"[^.\[\]]+", path):
+        try:
+            data = data[int(part)] if isinstance(data, list) else data[part]
+        except (KeyError, IndexError, ValueError, TypeError):
+            return None
+    return None if isinstance(data, (dict, list)) else data

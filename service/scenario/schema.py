@@ -1,0 +1,97 @@
+"""The scenario as frozen data; a key's unit is the end of its name."""
+
+from typing import Literal
+
+import msgspec
+
+FORMAT = 1
+
+
+class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    pass
+
+
+class Beta(_Table, tag_field="distribution", tag="beta"):
+    """A Beta(alpha, beta) stretched to [low, high]."""
+
+    alpha: float
+    beta: float
+    low: float
+    high: float
+
+
+class Network(_Table):
+    road: str  # a built-in road ("i80"), or the path of a SUMO .net.xml, relative to the scenario's file
+    edges: tuple[str, ...] = ()  # for a path: the edges of the corridor, from its start to its end
+
+
+class Time(_Table):
+    horizon_s: float  # a rollout ends here at the latest
+    step_s: float = 0.1
+
+
+class Drivers(_Table):
+    weights: str = "drivers-bc"  # built-in weights, or the path of a .safetensors file
+    noise: Literal["drawn", "frozen"] = "drawn"  # a stream for each rollout, or one stream for all
+
+
+class Safety(_Table):
+    measure: Literal["ttc"] = "ttc"
+    rays: int = 20
+
+
+class Start(_Table):
+    """Where vehicles start: distributions and sizes that hold for all, unless a vehicle says otherwise."""
+
+    station_m: Beta
+    lane_offset_m: Beta
+    heading_deg: Beta
+    speed_mps: Beta
+    length_m: float = 4.5
+    width_m: float = 1.8
+
+
+class Vehicle(_Table):
+    name: str
+    lane: int  # 1 is the leftmost, as NGSIM counts
+    role: Literal["ego", "environment"] = "environment"
+    station_m: Beta | None = None
+    lane_offset_m: Beta | None = None
+    heading_deg: Beta | None = None
+    speed_mps: Beta | None = None
+    length_m: float | None = None
+    width_m: float | None = None
+
+
+class Background(_Table):
+    """Traffic that SUMO drives around the controlled vehicles."""
+
+    density_veh_per_km_lane: float
+    speed_mps: float
+
+
+class Scenario(_Table):
+    format: int
+    name: str
+    description: str
+    network: Network
+    time: Time
+    start: Start
+    vehicles: tuple[Vehicle, ...]
+    drivers: Drivers = Drivers()
+    safety: Safety = Safety()
+    background: Background | None = None
+
+    @property
+    def steps(self) -> int:
+        return round(self.time.horizon_s / self.time.step_s)
+
+    @property
+    def ego(self) -> int:
+        """The row of the ego among the vehicles."""
+        return next(i for i, vehicle in enumerate(self.vehicles) if vehicle.role == "ego")
+
+    def of(self, vehicle: Vehicle, key: str):
+        """A vehicle's own value of `key`, or the one that holds for all."""
+        own = getattr(vehicle, key)
+        return getattr(self.start, key) if own is None else own

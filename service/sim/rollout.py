@@ -1,0 +1,155 @@
+"""One rollout: a pure function of (scenario, ego, x, noise seed)."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol
+
+import numpy as np
+from policies.drivers import DriverModel
+
+from policies.egos import EgoPolicy, Observation
+from service.errors import EgoError
+from service.scenario.base import unpack
+from service.scenario.schema import Scenario
+from service.sim import step
+from service.sim.road import road_of
+from service.sim.sumo import BackgroundTraffic, SumoSession
+from service.sim.world import DriverNetwork, World, action_noise
+from sumo_nets.corridor import Corridor
+
+OUTCOMES = {
+    step.RUNNING: "horizon",
+    step.FINISHED: "finished",
+    step.COLLIDED: "collision",
+    step.OFF_ROAD: "off-road",
+    step.REVERSED: "reversing",
+}
+FROZEN_NOISE_SEED = 0  # scenarios with noise = "frozen" drive every rollout with this stream
+BACKGROUND_ROWS = 1000  # background vehicles at most
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """What a rollout came to. `f` is the safety value: the minimum time to collision in s, low is dangerous."""
+
+    f: float
+    outcome: str  # one of OUTCOMES, or "error"
+    steps: int
+    error: str | None = None
+
+
+class Observer(Protocol):
+    """Looks on at a rollout, a call a step, the last one at the state in which it ended."""
+
+    def see(self, world: World, time_s: float, ttc_s: float, action: tuple[float, float] | None) -> None: ...
+
+
+class Simulator:
+    """Runs rollouts of one scenario with one ego in this process; use as a context manager."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        corridor: Corridor,
+        drivers: DriverModel,
+        ego: EgoPolicy,
+        fcd: Path | None = None,
+    ):
+        self._scenario = scenario
+        self._ego = ego
+        self._steps = scenario.steps
+        self._dt_s = scenario.time.step_s
+        network = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
+        background = scenario.background
+        self._world = World(
+            road_of(corridor),
+            network,
+            len(scenario.vehicles),
+            scenario.ego,
+            self._dt_s,
+            rays=scenario.safety.rays,
+            background_rows=BACKGROUND_ROWS if background else 0,
+        )
+        stations = [scenario.of(vehicle, "station_m") for vehicle in scenario.vehicles]
+        self._has_background = background is not None
+        self._sumo = SumoSession(
+            corridor,
+            [vehicle.name for vehicle in scenario.vehicles],
+            [(scenario.of(v, "length_m"), scenario.of(v, "width_m")) for v in scenario.vehicles],
+            self._dt_s,
+            background=background
+            and BackgroundTraffic(
+                background.density_veh_per_km_lane,
+                background.speed_mps,
+                min(s.low for s in stations),
+                max(s.high for s in stations),
+            ),
+            fcd=fcd,
+        )
+
+    def __enter__(self) -> "Simulator":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._sumo.close()
+
+    def run(self, x: np.ndarray, noise: int | np.ndarray, observer: Observer | None = None) -> Rollout:
+        """The rollout of `x` (d,) with action noise from a seed, or given as normals (steps, vehicles, 2).
+
+        An exception on the way, from the ego or from SUMO, makes a recorded rollout with outcome "error" and
+        f = NaN; it is not raised.
+        """
+        try:
+            return self._run(x, noise, observer)
+        except (
+            Exception
+        ) as error:  # any failure of a black box is a result with its seed, never a lost rollout
+            return Rollout(math.nan, "error", 0, f"{type(error).__name__}: {error}")
+
+    def _run(self, x: np.ndarray, noise: int | np.ndarray, observer: Observer | None) -> Rollout:
+        world, ego, sumo = self._world, self._ego, self._sumo
+        seed = int(noise) if isinstance(noise, (int, np.integer)) else 0
+        if self._scenario.drivers.noise == "frozen":
+            seed, noise = FROZEN_NOISE_SEED, FROZEN_NOISE_SEED
+        normals = noise if isinstance(noise, np.ndarray) else action_noise(seed, self._steps, world.vehicles)
+
+        starts, driver_weights = unpack(self._scenario, x)
+        world.reset(starts, driver_weights)
+        ego.reset(seed)
+        status, ttc = world.observe()
+        world.write_poses()
+        sumo.begin(world.poses, seed)
+        if self._has_background:
+            world.count = sumo.read_background(world.agents, world.vehicles)
+            status, ttc = world.observe()
+
+        observation = Observation(world.observations[world.ego], 0.0)
+        f = ttc
+        k = 0
+        while status == step.RUNNING and k < self._steps:
+            observation.time_s = k * self._dt_s
+            acceleration, turn_rate = ego.act(observation)
+            if not (math.isfinite(acceleration) and math.isfinite(turn_rate)):
+                raise EgoError(
+                    f"ego {ego.name!r} answered ({acceleration}, {turn_rate}) at {observation.time_s:.1f} s"
+                )
+            if observer is not None:
+                observer.see(world, observation.time_s, ttc, (acceleration, turn_rate))
+            world.advance(acceleration, turn_rate, normals[k])
+            sumo.step(world.poses)
+            if self._has_background:
+                world.count = sumo.read_background(world.agents, world.vehicles)
+            status, ttc = world.observe()
+            if ttc < f:
+                f = ttc
+            k += 1
+        if observer is not None:
+            observer.see(world, k * self._dt_s, ttc, None)
+        return Rollout(f, OUTCOMES[status], k)

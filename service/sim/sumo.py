@@ -1,0 +1,247 @@
+"""SUMO beside the kernels: the only file that imports libsumo.
+
+SUMO holds the network, the registry of vehicles, lanes and the clock; the controlled vehicles are placed each step by
+TraCI's `moveToXY` where the kernels say they are (keepRoute=2: exactly there, also off the road), then SUMO steps.
+Background vehicles are SUMO's own, and are read back each step.
+
+libsumo holds one simulation a process; a second `SumoSession` in a process is refused while the first is open.
+"""
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+# SUMO looks for its data folder; ours never needs it, and an unset variable costs a warning.
+os.environ.setdefault("SUMO_HOME", str(Path(__file__).parent))
+
+import libsumo
+from libsumo import constants as tc
+import numpy as np
+
+from service import agents as A
+from service.errors import SimulationError
+from sumo_nets.corridor import Corridor
+
+EXACT = 2  # keepRoute of moveToXY: place the vehicle exactly, whatever the lane
+UNCHECKED = 0  # speed and lane-change modes: SUMO adds no rules of its own to controlled vehicles
+CONTROLLED_CLASS = "hov"  # may use every lane
+ROUTE = "corridor"
+RARELY_S = 100.0  # SUMO plans a controlled vehicle's own motion this seldom: nobody uses that plan
+
+SUBSCRIBED = (tc.VAR_POSITION, tc.VAR_ANGLE, tc.VAR_SPEED, tc.VAR_LENGTH, tc.VAR_WIDTH)
+BACKGROUND_TYPE = "background"
+CLEAR_BEFORE_M = 40.0  # background vehicles keep this far from where controlled vehicles can start
+CLEAR_AFTER_M = 60.0
+MINIMUM_SPACING_M = 15.0  # between background vehicles of a lane at the start
+
+
+@dataclass(frozen=True)
+class BackgroundTraffic:
+    """Traffic that SUMO drives: how dense, how fast, and the stations to keep clear at the start."""
+
+    density_veh_per_km_lane: float
+    speed_mps: float
+    clear_from_m: float
+    clear_to_m: float
+
+
+class SumoSession:
+    """A SUMO simulation on a corridor for one process; use as a context manager."""
+
+    _open: "SumoSession | None" = None
+
+    def __init__(
+        self,
+        corridor: Corridor,
+        names: Sequence[str],
+        sizes: Sequence[tuple[float, float]],
+        step_s: float,
+        background: BackgroundTraffic | None = None,
+        fcd: Path | None = None,
+    ):
+        """names, sizes: each controlled vehicle's id and (length, width) in m. fcd: floating-car data file."""
+        if SumoSession._open is not None:
+            raise SimulationError("this process already runs a SUMO simulation; close it first")
+        self._corridor = corridor
+        self._names = list(names)
+        self._types = [f"controlled-{name}" for name in names]
+        self._sizes = list(sizes)
+        self._background = background
+        self._options = [
+            "sumo", "--net-file", corridor.net_path, "--step-length", str(step_s),
+            "--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true",
+            "--collision.action", "none", "--time-to-teleport", "-1",
+        ]  # fmt: skip
+        if fcd is not None:
+            self._options += ["--fcd-output", str(fcd)]
+        self._moves: list[tuple[int, str]] = []
+        self._hints = _lane_hints(corridor)
+        try:
+            libsumo.start(self._options)
+        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+            raise SimulationError(f"SUMO cannot load {corridor.net_path}: {error}") from error
+        SumoSession._open = self
+        self._fresh = True
+        self._prepare()
+
+    def __enter__(self) -> "SumoSession":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        if SumoSession._open is self:
+            SumoSession._open = None
+            libsumo.close()
+
+    def _prepare(self) -> None:
+        """Route and vehicle types, which a load forgets."""
+        libsumo.route.add(ROUTE, list(self._corridor.edges))
+        for name, (length, width) in zip(self._types, self._sizes, strict=True):
+            libsumo.vehicletype.copy("DEFAULT_VEHTYPE", name)
+            libsumo.vehicletype.setVehicleClass(name, CONTROLLED_CLASS)
+            libsumo.vehicletype.setLength(name, length)
+            libsumo.vehicletype.setWidth(name, width)
+            libsumo.vehicletype.setActionStepLength(name, RARELY_S)
+        if self._background is not None:
+            libsumo.vehicletype.copy("DEFAULT_VEHTYPE", BACKGROUND_TYPE)
+            libsumo.vehicletype.setMaxSpeed(BACKGROUND_TYPE, self._background.speed_mps)
+
+    def begin(self, poses: np.ndarray, seed: int) -> None:
+        """Start a rollout with all controlled vehicles at `poses` (see service.sim.step.advance_all).
+
+        With background traffic SUMO is loaded anew with the rollout's seed; without it nothing in SUMO is random
+        and only the vehicles are replaced.
+        """
+        if self._background is not None and not self._fresh:
+            libsumo.load([*self._options[1:], "--seed", str(seed % 2**31)])
+            self._prepare()
+        elif not self._fresh:
+            for _, name in self._moves:
+                libsumo.vehicle.remove(name)
+        self._fresh = False
+        self._moves = []
+        for row, (name, kind) in enumerate(zip(self._names, self._types, strict=True)):
+            libsumo.vehicle.add(name, ROUTE, typeID=kind, departSpeed="0")
+            libsumo.vehicle.setSpeedMode(name, UNCHECKED)
+            libsumo.vehicle.setLaneChangeMode(name, UNCHECKED)
+            self._moves.append((row, name))
+        if self._background is not None:
+            self._populate(np.random.Generator(np.random.Philox(key=seed)))
+        self.step(poses)
+
+    def step(self, poses: np.ndarray) -> None:
+        """Place the controlled vehicles at `poses` (vehicles, 4) and advance SUMO by one step."""
+        move = libsumo.vehicle.moveToXY
+        hints = self._hints
+        rows = poses.tolist()
+        gone = False
+        for row, name in self._moves:
+            x, y, angle, hint = rows[row]
+            if hint < 0.0:
+                gone = True
+                continue
+            edge, lane = hints[int(hint)]
+            move(name, edge, lane, x, y, angle, EXACT)
+        if gone:
+            self._remove_gone(rows)
+        libsumo.simulationStep()
+
+    def _remove_gone(self, rows: list[list[float]]) -> None:
+        """Take vehicles that have left the world out of SUMO; SUMO may have let them arrive already."""
+        known = set(libsumo.vehicle.getIDList())
+        for row, name in self._moves:
+            if rows[row][3] < 0.0 and name in known:
+                libsumo.vehicle.remove(name)
+        self._moves = [(row, name) for row, name in self._moves if rows[row][3] >= 0.0]
+
+    def read_background(self, agents: np.ndarray, first: int) -> int:
+        """Write the background vehicles into `agents` from row `first`; return the number of rows in use."""
+        controlled = set(self._names)
+        for name in libsumo.simulation.getDepartedIDList():
+            if name not in controlled:
+                libsumo.vehicle.subscribe(name, SUBSCRIBED)
+        seen = libsumo.vehicle.getAllSubscriptionResults()
+        row = first
+        for name in sorted(seen):
+            if row == agents.shape[0]:
+                raise SimulationError(
+                    f"more than {agents.shape[0] - first} background vehicles; lower the density"
+                )
+            values = seen[name]
+            heading = (90.0 - values[tc.VAR_ANGLE]) * (math.pi / 180.0)
+            length = values[tc.VAR_LENGTH]
+            x, y = values[tc.VAR_POSITION]
+            agents[row, A.X_M] = x - 0.5 * length * math.cos(heading)
+            agents[row, A.Y_M] = y - 0.5 * length * math.sin(heading)
+            agents[row, A.HEADING_RAD] = heading
+            agents[row, A.SPEED_MPS] = values[tc.VAR_SPEED]
+            agents[row, A.LENGTH_M] = length
+            agents[row, A.WIDTH_M] = values[tc.VAR_WIDTH]
+            agents[row, A.ACTIVE] = 1.0
+            row += 1
+        return row
+
+    def _populate(self, generator: np.random.Generator) -> None:
+        """Background vehicles along the road, spaced exponentially, and their followers from its start."""
+        traffic = self._background
+        assert traffic is not None
+        corridor = self._corridor
+        free = corridor.lane_left.shape[0]
+        for lane in range(free):
+            exists = np.flatnonzero(corridor.sumo_lane[lane] >= 0)
+            if exists.size < corridor.sumo_lane.shape[1]:
+                continue  # ramps and auxiliary lanes stay empty
+            if libsumo.lane.getAllowed(_lane_id(corridor, lane, 0)):
+                continue  # a restricted lane (HOV)
+            mean_gap = max(1000.0 / traffic.density_veh_per_km_lane - MINIMUM_SPACING_M, 1.0)
+            at = corridor.length_m - 10.0
+            number = 0
+            while True:
+                at -= MINIMUM_SPACING_M + generator.exponential(mean_gap)
+                if traffic.clear_from_m - CLEAR_BEFORE_M < at < traffic.clear_to_m + CLEAR_AFTER_M:
+                    continue
+                if at < -20.0 * traffic.speed_mps:
+                    break
+                self._add_background(f"background-{lane + 1}-{number}", lane, at)
+                number += 1
+
+    def _add_background(self, name: str, lane: int, station_m: float) -> None:
+        """A background vehicle on the road, or one that enters it later if `station_m` lies before its start."""
+        speed = self._background.speed_mps if self._background else 0.0
+        edge, sumo_lane = self._corridor.sumo_position(lane, max(station_m, 0.0))
+        if station_m < 10.0:
+            depart = f"{(10.0 - station_m) / speed:.3f}"
+            libsumo.vehicle.add(name, ROUTE, typeID=BACKGROUND_TYPE, depart=depart, departLane=str(sumo_lane),
+                                departPos="10", departSpeed="max")  # fmt: skip
+            return
+        position = libsumo.simulation.convert2D(edge, 0.0, sumo_lane)
+        start, _ = self._corridor.project(np.array([position[0]]), np.array([position[1]]))
+        within = station_m - float(start[0])
+        index = self._corridor.edges.index(edge)
+        route = f"{ROUTE}-from-{index}"
+        if route not in libsumo.route.getIDList():
+            libsumo.route.add(route, list(self._corridor.edges[index:]))
+        length = libsumo.lane.getLength(f"{edge}_{sumo_lane}")
+        if not 6.0 < within < length - 1.0:
+            return  # too close to a junction to stand there
+        libsumo.vehicle.add(name, route, typeID=BACKGROUND_TYPE, departLane=str(sumo_lane),
+                            departPos=f"{within:.2f}", departSpeed="max")  # fmt: skip
+
+
+def _lane_id(corridor: Corridor, lane: int, station: int) -> str:
+    return f"{corridor.edges[corridor.edge_index[lane, station]]}_{corridor.sumo_lane[lane, station]}"
+
+
+def _lane_hints(corridor: Corridor) -> list[tuple[str, int]]:
+    """SUMO's (edge, lane) for each hint code (station * lanes + lane) of the kernels."""
+    lanes, stations = corridor.sumo_lane.shape
+    hints = []
+    for k in range(stations):
+        for lane in range(lanes):
+            edge, index = corridor.edge_index[lane, k], corridor.sumo_lane[lane, k]
+            hints.append((corridor.edges[edge], int(index)) if index >= 0 else ("", -1))
+    return hints
