@@ -43,6 +43,7 @@ from ce.streams import checked_seed, draw
 from ce.weights import effective_sample_size, max_share, normalised, order_statistic
 
 LEAST_BUDGET = 1000
+_BISECTIONS = 12
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,7 @@ class CrossEntropyOptions:
     beta_bounds: tuple[float, float] = (1.5, 7.0)
     mean_box: float | None = 0.01
     learn_covariance: bool = False
+    max_kl: float | None = None
     stop_when_reached: bool = False
     rel_error: float | None = None
     confidence: float = 0.95
@@ -84,6 +86,8 @@ class CrossEntropyOptions:
             in_range("step", self.step, 0, 1)
         if self.rel_error is not None:
             in_range("rel_error", self.rel_error, 0, math.inf)
+        if self.max_kl is not None:
+            in_range("max_kl", self.max_kl, 0, math.inf)
         if self.mean_box is not None:
             in_range("mean_box", self.mean_box, 0, math.inf)
         try:
@@ -179,6 +183,7 @@ class CrossEntropy:
             failed=(),
             f=np.zeros(0),
             log_weights=np.zeros(0),
+            base_f=np.zeros(0),
             look_at=0,
         )
 
@@ -220,6 +225,7 @@ class CrossEntropy:
             rel_error=self.options.rel_error,
             failed_rollouts=tuple(failures),
             search_warnings=tuple(self._search_conditions(state)),
+            base_f=state.base_f,
         )
 
     def proposal(self, state: CrossEntropyState) -> Product:
@@ -259,7 +265,7 @@ class CrossEntropy:
         elite = ok[f[ok] <= gamma_k]
         log_w = self.base.log_ratio(current, batch.x[elite])
         if elite.size:
-            theta = self.projection.update(current, batch.x[elite], normalised(log_w), step)
+            theta, step = self._projected(current, batch.x[elite], normalised(log_w), step)
         else:
             theta, step = state.parameters, 0.0
         record = TrainingRecord(
@@ -296,9 +302,28 @@ class CrossEntropy:
             failed=state.failed + failed,
             f=state.f,
             log_weights=state.log_weights,
+            base_f=f if state.iteration == 0 else state.base_f,
             look_at=look_at if over else 0,
         )
         return after, record
+
+    def _projected(self, current: Product, x, weights, step: float) -> tuple[np.ndarray, float]:
+        """The updated parameters and the step taken: shortened, by bisection, where max_kl would be
+        exceeded.
+        """
+        theta = self.projection.update(current, x, weights, step)
+        limit = self.options.max_kl
+        if limit is None or self._with(theta).kl(self.base) <= limit:
+            return theta, step
+        theta, low, high = current.parameters(self.options.learn_covariance), 0.0, step
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            trial = self.projection.update(current, x, weights, middle)
+            if self._with(trial).kl(self.base) <= limit:
+                theta, low = trial, middle
+            else:
+                high = middle
+        return theta, low
 
     def _estimation_step(
         self, state: CrossEntropyState, batch: Batch, f

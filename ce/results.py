@@ -9,11 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri
 
 from ce.interval import clopper_pearson, weighted_gamma
+from ce.pareto import pareto_k
 from ce.product import Product
 
 Array = NDArray[np.float64]
 
 FEW_EVENTS = 30.0  # effective events below which an importance-sampling standard error is not to be relied on
+HEAVY_TAIL = 0.7  # Pareto k of the events' weights above which the estimate is not to be relied on
+ENOUGH_EVENTS = 300.0  # effective events from which a heavy tail alone no longer widens the interval
 DOMINANT_SHARE = 0.1  # share of one event's weight in the estimate above which it is said so
 
 
@@ -46,6 +49,7 @@ class Curve:
     high: Array
     events: NDArray[np.int64]
     ess: Array
+    pareto_k: Array  # of the events' weights; NaN for naive Monte Carlo and for fewer than 25 events
 
 
 @dataclass(frozen=True)
@@ -87,6 +91,16 @@ class Estimate:
     rel_error: float | None = None
     failed_rollouts: tuple[FailedRollout, ...] = field(default=(), repr=False)
     search_warnings: tuple[Condition, ...] = ()
+    base_f: Array = field(default_factory=lambda: np.zeros(0), repr=False)
+
+    def __str__(self) -> str:
+        low, high = self.ci
+        named = f"; {', '.join(w.name for w in self.warnings)}" if self.warnings else ""
+        return (
+            f"p = {self.p:.4g} +- {self.std_error:.2g}, {self.confidence:.0%} interval [{low:.4g}, "
+            f"{high:.4g}], "
+            f"{self.method}, {self.rollouts} rollouts{named}"
+        )
 
     # -- the estimate ----------------------------------------------------------------------------------------
 
@@ -123,6 +137,11 @@ class Estimate:
     def max_weight_share(self) -> float:
         w = self._sorted[1][: self.events]
         return float(w.max() / w.sum()) if w.size else 0.0
+
+    @property
+    def pareto_k(self) -> float:
+        """Tail index of the events' weights; NaN for naive Monte Carlo and for fewer than 25 events."""
+        return float(self._at_gamma.pareto_k[0])
 
     @property
     def failed(self) -> int:
@@ -180,11 +199,12 @@ class Estimate:
         sums = np.array([w[:k].sum() for k in counts])
         squares = np.array([np.sum(w[:k] ** 2) for k in counts])
         largest = np.array([w[:k].max() if k else 0.0 for k in counts])
+        k = np.array([math.nan if self.log_weights is None else pareto_k(w[:k]) for k in counts])
         p, std_error, low, high = self._interval(
-            self.f.size, counts, sums, squares, largest, w_failed, np.max(w, initial=1.0)
+            self.f.size, counts, sums, squares, largest, w_failed, np.max(w, initial=1.0), gammas, k
         )
         ess = np.where(squares > 0, sums**2 / np.where(squares > 0, squares, 1.0), 0.0)
-        return Curve(gammas, p, std_error, low, high, counts, ess)
+        return Curve(gammas, p, std_error, low, high, counts, ess, k)
 
     def trace(self, points: int = 100) -> Trace:
         """The estimate at gamma after about `points` log-spaced numbers of estimation rollouts, and after
@@ -208,13 +228,19 @@ class Estimate:
                 event[:k].max(),
                 failed[:k][failed[:k] > 0],
                 any_weight[k - 1],
+                self.gamma,
+                self.pareto_k,
             )
             for k in at
         ]
         columns = [np.array([float(part[j]) for part in parts]) for j in range(4)]
         return Trace(at, *columns)
 
-    def _interval(self, n, counts, sums, squares, largest, w_failed, any_largest):
+    @functools.cached_property
+    def _sorted_base_f(self) -> Array:
+        return np.sort(self.base_f[~np.isnan(self.base_f)])
+
+    def _interval(self, n, counts, sums, squares, largest, w_failed, any_largest, gammas, tail):
         """p, standard error, low, high from n terms: sums of event weights, of their squares, the largest
         event weight, the failures' weights and the largest weight of any rollout (at least 1, as E[w] =
         1)."""
@@ -243,6 +269,18 @@ class Estimate:
         _, high = weighted_gamma(
             upper_sums / n, variance(upper_sums, upper_squares), upper_largest / n, self.confidence
         )
+        shaky = (
+            (counts == 0)
+            | (largest > DOMINANT_SHARE * sums)
+            | ((tail > HEAVY_TAIL) & (sums**2 < ENOUGH_EVENTS * squares))
+        )
+        if self.base_f.size and np.any(shaky):
+            k = np.searchsorted(self._sorted_base_f, gammas, side="right")
+            k_failed = self.base_f.size - self._sorted_base_f.size
+            base_low, _ = clopper_pearson(k, self.base_f.size, self.confidence)
+            _, base_high = clopper_pearson(k + k_failed, self.base_f.size, self.confidence)
+            low = np.where(shaky, np.minimum(low, base_low), low)
+            high = np.where(shaky, np.maximum(high, base_high), high)
         return p, std_error, low, high
 
 
@@ -253,7 +291,9 @@ def variance_ratio(reference: Estimate, other: Estimate) -> float:
     return (reference.std_error / other.std_error) ** 2 if other.std_error > 0 else math.nan
 
 
-_UNSETTLED = frozenset({"no-rollouts", "no-events", "few-events", "dominant-weight", "failed-rollouts"})
+_UNSETTLED = frozenset(
+    {"no-rollouts", "no-events", "few-events", "dominant-weight", "heavy-tailed-weights", "failed-rollouts"}
+)
 
 
 def _conditions(est: Estimate) -> list[Condition]:
@@ -290,6 +330,17 @@ def _conditions(est: Estimate) -> list[Condition]:
                 "part of the event",
                 "constrain the search more (mean_box, beta_bounds), give it more samples, or use "
                 "naive Monte Carlo",
+            )
+        )
+    if est.pareto_k > HEAVY_TAIL:
+        found.append(
+            Condition(
+                "heavy-tailed-weights",
+                f"Pareto k of the events' weights is {est.pareto_k:.2f} (above {HEAVY_TAIL:g}): "
+                "events of large weight "
+                "are probably missing from the sample, so p tends to be too low and std_error too small",
+                "limit the proposal (max_kl, mean_box), give the search more samples, or use naive "
+                "Monte Carlo",
             )
         )
     if est.failed:

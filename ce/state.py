@@ -106,6 +106,7 @@ class CrossEntropyState(msgspec.Struct, frozen=True, eq=False):
     failed: tuple[tuple[int, int], ...]  # (iteration, row) of failed training rollouts
     f: NDArray[np.float64]
     log_weights: NDArray[np.float64]
+    base_f: NDArray[np.float64]  # f of the first iteration, whose rollouts come from the base itself
     look_at: int
     method: str = "ce"
     format: int = FORMAT

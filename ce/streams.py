@@ -14,7 +14,7 @@ from ce.errors import OptionsError
 from ce.product import Product
 
 CHUNK = 1000  # rows
-PHASES = {"train": 0, "estimate": 1, "pilot": 2}
+PHASES = {"train": 0, "estimate": 1}
 _X_KIND, _NOISE_KIND = 0x7461696C, 0x726F6164  # any two fixed words: second half of the key
 
 
@@ -36,7 +36,7 @@ def draw(
 ) -> tuple[NDArray[np.float64], NDArray[np.uint64]]:
     """Rows [start, stop) of a batch: x (n, d) from the proposal and a noise seed (n,) for each rollout.
 
-    phase: "train", "estimate" or "pilot". Within a chunk all Betas are drawn first, then each Normal's
+    phase: "train" or "estimate". Within a chunk all Betas are drawn first, then each Normal's
     standard normals; the whole chunk's numbers are drawn, but only the rows asked for are correlated.
     """
     if phase not in PHASES:
