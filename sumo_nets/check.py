@@ -36,7 +36,7 @@ class Expected:
     """Tolerances; the defaults are for any road that vehicles can drive at speed."""
 
     length_m: tuple[float, float] = (20.0, 100_000.0)
-    lanes: tuple[int, int] = (1, 20)  # fewest and most side by side
+    lanes: tuple[int, int] = (1, 20)  # fewest that run through, most side by side
     lane_width_m: tuple[float, float] = (2.5, 6.0)
     max_curvature_per_m: float = 1.0 / 20.0
     max_heading_step_rad_per_m: float = 1.0 / 20.0
@@ -85,37 +85,37 @@ def check(name_or_path: str | Path, edges: Sequence[str] | None = None) -> Check
     """Check a built-in network or the corridor `edges` of a user's; NetworkError if it cannot be read."""
     road = load_corridor(name_or_path, edges)
     built_in = str(name_or_path) in BUILT_IN
-    expected = _expected(built_in_folder(road.name)) if built_in else Expected()
+    wanted = expected(road.name) if built_in else Expected()
     items = [
-        _within("length", road.length_m, expected.length_m, "m"),
+        _within("length", road.length_m, wanted.length_m, "m"),
         _stations(road),
-        _lanes(road, expected),
-        _within_array("lane width", road.lane_left - road.lane_right, expected.lane_width_m, "m"),
-        _largest("curvature", road.ref_curvature, expected.max_curvature_per_m, "1/m"),
+        _lanes(road, wanted),
+        _within_array("lane width", road.lane_left - road.lane_right, wanted.lane_width_m, "m"),
+        _largest("curvature", road.ref_curvature, wanted.max_curvature_per_m, "1/m"),
         _largest(
             "heading step",
             np.diff(road.ref_heading) / road.ds_m,
-            expected.max_heading_step_rad_per_m,
+            wanted.max_heading_step_rad_per_m,
             "rad/m",
         ),
         _largest(
             "curvature step",
             np.diff(road.ref_curvature) / road.ds_m,
-            expected.max_curvature_step_per_m2,
+            wanted.max_curvature_step_per_m2,
             "1/m per m",
         ),
         _largest(
             "lane boundary step",
             np.diff(np.stack([road.lane_left, road.lane_right]), axis=2) / road.ds_m,
-            expected.max_boundary_step_m_per_m,
+            wanted.max_boundary_step_m_per_m,
             "m per m",
         ),
     ]
     chain = Chain(open_net(Path(road.net_path)), Path(road.net_path), road.edges)
-    items += [_connections(chain), _offset_from_net(road, chain, expected)]
-    if expected.comparisons:
+    items += [_connections(chain), _offset_from_net(road, chain, wanted)]
+    if wanted.comparisons:
         lines = reference_lines(road.name)
-        items += [_compare(road, lines, comparison) for comparison in expected.comparisons]
+        items += [_compare(road, lines, comparison) for comparison in wanted.comparisons]
     return CheckReport(road.name, tuple(items))
 
 
@@ -143,7 +143,9 @@ def distance_to_lane(
     return s, offset - road.lane_center(lane - 1, s)
 
 
-def _expected(folder: Path) -> Expected:
+def expected(name: str) -> Expected:
+    """What the corridor.json of a built-in network expects of it."""
+    folder = built_in_folder(name)
     given = json.loads((folder / "corridor.json").read_text(encoding="utf-8"))["expected"]
     unknown = set(given) - {f.name for f in fields(Expected)}
     if unknown:
@@ -181,7 +183,7 @@ def _stations(road: Corridor) -> CheckItem:
     )
 
 
-def _lanes(road: Corridor, expected: Expected) -> CheckItem:
+def _lanes(road: Corridor, wanted: Expected) -> CheckItem:
     present = road.sumo_lane >= 0
     count = present.sum(axis=0)
     turns = np.flatnonzero(np.any(np.diff(present, axis=1), axis=0)) + 1
@@ -191,9 +193,11 @@ def _lanes(road: Corridor, expected: Expected) -> CheckItem:
         for a, b in zip(starts, ends, strict=True)
     ]
     found = ", ".join(f"{r['lanes']} to {r['to_m']:.0f} m" for r in ranges)
-    low, high = expected.lanes
-    passed = bool(low <= count.min() and count.max() <= high and present[: max(low, 1)].all())
-    return CheckItem("lanes", found, f"{low} to {high}", passed, {"ranges": ranges})
+    low, high = wanted.lanes
+    through = int(present.all(axis=1).sum())
+    passed = bool(through >= low and count.max() <= high)
+    values = {"ranges": ranges, "through": through}
+    return CheckItem("lanes", found, f"{low} or more throughout, at most {high}", passed, values)
 
 
 def _connections(chain: Chain) -> CheckItem:
@@ -202,7 +206,7 @@ def _connections(chain: Chain) -> CheckItem:
     return CheckItem("lane connections", found, "no gap", not broken, {"missing": broken})
 
 
-def _offset_from_net(road: Corridor, chain: Chain, expected: Expected) -> CheckItem:
+def _offset_from_net(road: Corridor, chain: Chain, wanted: Expected) -> CheckItem:
     worst = 0.0
     for i, lanes in enumerate(chain.lanes):
         for position, lane in enumerate(lanes):
@@ -211,7 +215,7 @@ def _offset_from_net(road: Corridor, chain: Chain, expected: Expected) -> CheckI
             centre = road.lane_center(chain.first[i] + position, np.clip(s, 0.0, road.length_m))
             apart = np.abs(offset - centre)[np.isfinite(centre)]
             worst = max(worst, float(apart.max(initial=0.0)))
-    limit = expected.max_offset_from_net_m
+    limit = wanted.max_offset_from_net_m
     return CheckItem(
         "lanes against SUMO's", f"{worst:.3f} m", f"at most {limit:g}", worst <= limit, {"max_m": worst}
     )

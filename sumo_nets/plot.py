@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from sumo_nets.chain import open_net
-from sumo_nets.check import reference_lines
+from sumo_nets.check import distance_to_lane, expected, reference_lines
 from sumo_nets.corridor import BUILT_IN, Corridor, load_corridor
 from sumo_nets.curves import resample
 
@@ -32,10 +32,9 @@ def plot(name_or_path: str | Path, out: str | Path, edges: Sequence[str] | None 
     _stretched(stretched, road, net, lines)
     _distances(figure.add_subplot(grid[1, 1], sharex=stretched), road, lines)
     _curvature(figure.add_subplot(grid[2, 1], sharex=stretched), road)
-    title = f"{road.name}: {road.length_m:.0f} m, {int(road.lanes_at(0.0))} lanes"
-    figure.suptitle(
-        title + (", auxiliary lanes at the ramps" if np.ptp(road.lanes_at(road.station_m)) else "")
-    )
+    widest, narrowest = road.lanes_at(road.station_m).max(), road.lanes_at(road.station_m).min()
+    lanes = f"{widest}" if widest == narrowest else f"{narrowest} to {widest}"
+    figure.suptitle(f"{road.name}: {road.length_m:.0f} m, {lanes} lanes")
     figure.savefig(Path(out), dpi=110)
     return Path(out)
 
@@ -74,7 +73,7 @@ def _plan(axes, road: Corridor, net, lines: dict[str, np.ndarray]) -> None:
         (0.93, 0.90),
         xycoords="axes fraction",
         ha="center",
-        arrowprops={"arrowstyle": "<-"},
+        arrowprops={"arrowstyle": "->"},
     )
 
 
@@ -95,13 +94,14 @@ def _stretched(axes, road: Corridor, net, lines: dict[str, np.ndarray]) -> None:
         axes.fill_between(road.station_m, road.lane_right[lane], road.lane_left[lane], color=colour, lw=0)
         for side in (road.lane_left[lane], road.lane_right[lane]):
             axes.plot(road.station_m, side, color="white", lw=0.7)
-        k = np.flatnonzero(np.isfinite(road.lane_left[lane]))
-        for at in k[:: max(1, len(k) // 2)] + 3 if through else k[len(k) // 3 :: len(k)]:
-            at = min(int(at), len(road.station_m) - 1)
-            centre = float((road.lane_left[lane, at] + road.lane_right[lane, at]) / 2)
-            if np.isfinite(centre):
-                label = f"lane {lane + 1}" + (" HOV" if lane in hov else "")
-                axes.annotate(label, (road.station_m[at], centre), fontsize=7, va="center")
+        present = np.isfinite(road.lane_left[lane])
+        starts = np.flatnonzero(present & ~np.r_[False, present[:-1]])
+        for k in [*starts, int(0.9 * len(present))] if through else starts:
+            at = min(road.station_m[k] + 0.005 * road.length_m, road.length_m)
+            label = f"lane {lane + 1}" + (" HOV" if lane in hov else "")
+            axes.annotate(
+                label, (at, float(road.lane_center(lane, road.station_m[k]))), fontsize=7, va="center"
+            )
     for name, line in lines.items():
         s, offset = road.project(*resample(line, 2.0).T)
         shown = (s > 0) & (s < road.length_m) & (np.abs(offset) < SHOWN_M)
@@ -127,7 +127,7 @@ def _hov_lanes(road: Corridor, net) -> set[int]:
 
 
 def _legend(axes, with_lines: bool, with_hov: bool) -> None:
-    entries = [(LANE, "lane"), (AUXILIARY, "auxiliary lane"), (RAMP, "ramp")]
+    entries = [(LANE, "through lane"), (AUXILIARY, "auxiliary lane"), (RAMP, "other edge")]
     if with_hov:
         entries.insert(1, (HOV, "HOV lane"))
     handles = [axes.fill_between([], [], color=colour, label=label) for colour, label in entries]
@@ -142,20 +142,12 @@ def _legend(axes, with_lines: bool, with_hov: bool) -> None:
 
 
 def _distances(axes, road: Corridor, lines: dict[str, np.ndarray]) -> None:
-    """Distance of the surveyed centre lines from the nearest lane centre."""
-    centres = (road.lane_left + road.lane_right) / 2.0
-    for name, line in lines.items():
-        if "BOUNDARY" in name or "ramp" in name:
-            continue
-        s, offset = road.project(*resample(line, 2.0).T)
-        shown = (s > 0) & (s < road.length_m)
-        s, offset = s[shown], offset[shown]
-        apart = offset - centres[:, road.nearest_station(s)]
-        nearest = np.nanargmin(np.abs(apart), axis=0) if len(s) else np.empty(0, int)
-        apart = apart[nearest, np.arange(len(s))]
-        axes.plot(s, apart, ".", color=CAD if name.startswith("cad") else OSM, ms=1.0)
+    """Distance of the surveyed lines from the centres of the lanes that the check compares them with."""
+    for c in expected(road.name).comparisons if lines else ():
+        s, apart = distance_to_lane(road, lines[c.line], c.lane, c.from_m, c.to_m)
+        axes.plot(s, apart, "-", color=CAD if c.line.startswith("cad") else OSM, lw=0.8)
     axes.axhline(0.0, color="0.4", lw=0.5)
-    axes.set(ylabel="line - nearest\nlane centre (m)", ylim=(-2.0, 2.0))
+    axes.set(ylabel="surveyed line -\nlane centre (m)", ylim=(-2.0, 2.0))
     if not lines:
         axes.annotate("no surveyed lines", (0.5, 0.5), xycoords="axes fraction", ha="center", color="0.5")
 

@@ -88,8 +88,9 @@ def make_road(raw: RawGeometry) -> Road:
 
     merge = np.arange(MERGE_M, MERGE_M + RAMP_OVERLAP_M)
     beside = np.column_stack(reference.to_xy(merge, auxiliary)[:2])
-    inner = _cut(raw.osm["powell_acc_1"], raw.cad["onramp"][0], keep="before")
-    powell = np.concatenate([inner, _cut(raw.cad["onramp"], beside[0], keep="before"), beside])
+    both = [resample(raw.osm[f"powell_acc_{i}"], 1.0)[:-5] for i in (0, 1)]  # two lanes that become one
+    upstream = np.mean([line[: min(map(len, both))] for line in both], axis=0)
+    powell = np.concatenate([upstream, _cut(raw.cad["onramp"], beside[0], keep="before"), beside])
     on_ramp = _part(smooth_curve(powell, 60.0), reference, MERGE_M, before=True)
 
     diverge = np.arange(DIVERGE_M - RAMP_OVERLAP_M, DIVERGE_M + 0.5)
