@@ -73,10 +73,14 @@ class Estimate:
 
     p = (1/n) sum w_i 1{f_i <= gamma}, a failed rollout counting as no event; std_error is the sample standard
     deviation of the terms / sqrt(n). ci: Clopper-Pearson (naive) or the weighted gamma interval; its lower
-    end counts failed rollouts as no events, its upper end counts them as events with their weights. ess:
-    effective number of events, (sum w)^2 / sum w^2 over the events only (naive: the number of events).
-    max_weight_share: the largest event's weight over the sum of the events' weights. converged: the target
-    precision was reached; without a target, finished and no warning about the estimate.
+    end counts failed rollouts as no events, its upper end counts them as events with their weights. Where
+    there is no event, or one event weighs more than DOMINANT_SHARE, or Pareto k exceeds HEAVY_TAIL with
+    fewer than ENOUGH_EVENTS effective events, the interval is widened to hold the Clopper-Pearson interval
+    of base_f, the search's own rollouts from the base (its first iteration).
+
+    ess: effective number of events, (sum w)^2 / sum w^2 over the events only (naive: the number of events).
+    max_weight_share: the largest event's weight over the sum of the events' weights.
+    converged: the target precision was reached; without a target, finished and no warning about the estimate.
     """
 
     gamma: float
@@ -97,9 +101,8 @@ class Estimate:
         low, high = self.ci
         named = f"; {', '.join(w.name for w in self.warnings)}" if self.warnings else ""
         return (
-            f"p = {self.p:.4g} +- {self.std_error:.2g}, {self.confidence:.0%} interval [{low:.4g}, "
-            f"{high:.4g}], "
-            f"{self.method}, {self.rollouts} rollouts{named}"
+            f"p = {self.p:.4g} +- {self.std_error:.2g}, {self.confidence:.0%} interval "
+            f"[{low:.4g}, {high:.4g}], {self.method}, {self.rollouts} rollouts{named}"
         )
 
     # -- the estimate ----------------------------------------------------------------------------------------
