@@ -13,6 +13,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sumo_nets.chain import SMOOTHING_M, Chain, open_net
 from sumo_nets.curves import Curve, resample, whittaker
@@ -63,34 +64,34 @@ class Corridor:
         """The reference line as a curve."""
         return Curve(self.ds_m, self.ref_x, self.ref_y, self.ref_heading, self.ref_curvature)
 
-    def nearest_station(self, station: np.ndarray) -> np.ndarray:
+    def nearest_station(self, station: ArrayLike) -> np.ndarray:
         """Index k of the station nearest to `station` (m), kept within the road."""
         return np.clip(np.rint(np.asarray(station) / self.ds_m).astype(np.int64), 0, len(self.station_m) - 1)
 
-    def to_xy(self, station: np.ndarray, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def to_xy(self, station: ArrayLike, offset: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """x, y (m) and the road's heading (rad) at `station` and lateral `offset` (m)."""
         return self.reference.to_xy(station, offset)
 
-    def project(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def project(self, x: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Station and lateral offset (m) of the points x, y; below 0 or above `length_m` beyond the ends."""
         return self.reference.project(x, y)
 
-    def lane_center(self, lane: np.ndarray, station: np.ndarray) -> np.ndarray:
+    def lane_center(self, lane: ArrayLike, station: ArrayLike) -> np.ndarray:
         """Lateral offset (m) of the centre of `lane` (index) at `station` (m); NaN where it is absent."""
         return self._along((self.lane_left + self.lane_right) / 2.0, lane, station)
 
-    def lane_width(self, lane: np.ndarray, station: np.ndarray) -> np.ndarray:
+    def lane_width(self, lane: ArrayLike, station: ArrayLike) -> np.ndarray:
         """Width (m) of `lane` (index) at `station` (m); NaN where the lane is absent."""
         return self._along(self.lane_left - self.lane_right, lane, station)
 
-    def lane_at(self, station: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    def lane_at(self, station: ArrayLike, offset: ArrayLike) -> np.ndarray:
         """Index of the lane that holds the lateral `offset` at `station` (m), -1 off the road."""
         station, offset = np.broadcast_arrays(np.asarray(station, float), np.asarray(offset, float))
         k = self.nearest_station(station)
         inside = (offset <= self.lane_left[:, k]) & (offset >= self.lane_right[:, k])
         return np.where(inside.any(axis=0), inside.argmax(axis=0), -1)
 
-    def lanes_at(self, station: np.ndarray) -> np.ndarray:
+    def lanes_at(self, station: ArrayLike) -> np.ndarray:
         """Number of lanes at `station` (m)."""
         return (self.sumo_lane[:, self.nearest_station(station)] >= 0).sum(axis=0)
 
@@ -101,7 +102,7 @@ class Corridor:
             raise NetworkError(f"{self.name} has no lane {lane + 1} at station {station:.1f} m")
         return self.edges[self.edge_index[lane, k]], int(self.sumo_lane[lane, k])
 
-    def _along(self, values: np.ndarray, lane: np.ndarray, station: np.ndarray) -> np.ndarray:
+    def _along(self, values: np.ndarray, lane: ArrayLike, station: ArrayLike) -> np.ndarray:
         lane, station = np.broadcast_arrays(np.asarray(lane, np.int64), np.asarray(station, float))
         at = np.clip(station / self.ds_m, 0.0, len(self.station_m) - 1)
         low = np.minimum(at.astype(np.int64), len(self.station_m) - 2)

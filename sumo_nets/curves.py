@@ -15,6 +15,7 @@ from functools import cached_property
 from math import comb
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.linalg import solveh_banded
 from scipy.spatial import cKDTree
@@ -81,7 +82,7 @@ class Curve:
     def _tree(self) -> cKDTree:
         return cKDTree(np.column_stack([self.x, self.y]))
 
-    def to_xy(self, station: np.ndarray, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def to_xy(self, station: ArrayLike, offset: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Point and heading at arc length `station` and lateral `offset` (m, left positive).
 
         The curve is a circular arc about the nearest sample, which is exact to micrometres at 1 m spacing;
@@ -97,7 +98,7 @@ class Curve:
         y = self.y[k] + chord * np.sin(self.heading[k] + turn / 2.0) + offset * np.cos(heading)
         return x, y, heading
 
-    def project(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def project(self, x: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Arc length and lateral offset (m, left positive) of the nearest point of the curve to each (x, y).
 
         Points beyond an end get a station below 0 or above the length.

@@ -72,12 +72,15 @@ def read_geometry(folder: Path) -> RawGeometry:
         lon, lat = np.array(feature["geometry"]["coordinates"], float).T
         cad[feature["properties"]["name"]] = np.column_stack(to_utm(lon, lat)) + NET_OFFSET
     root = ElementTree.fromstring(gzip.decompress((folder / GEOMETRY_FILES[1]).read_bytes()))
-    theirs = np.array([float(v) for v in root.find("location").get("netOffset").split(",")])
+    location = root.find("location")
+    if location is None:
+        raise NetworkError(f"{folder / GEOMETRY_FILES[1]} is not a SUMO network: it has no location")
+    theirs = np.array([float(v) for v in location.attrib["netOffset"].split(",")])
     osm = {}
     for lane in root.iter("lane"):
-        if lane.get("id").startswith(("i80_", "powell_", "ashby_")):
-            points = np.array([[float(v) for v in p.split(",")[:2]] for p in lane.get("shape").split()])
-            osm[lane.get("id")] = points - theirs + NET_OFFSET
+        if lane.attrib["id"].startswith(("i80_", "powell_", "ashby_")):
+            points = np.array([[float(v) for v in p.split(",")[:2]] for p in lane.attrib["shape"].split()])
+            osm[lane.attrib["id"]] = points - theirs + NET_OFFSET
     return RawGeometry(cad, osm)
 
 
