@@ -4,9 +4,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from policies.drivers import DriverModel
 
 import ce
+from policies.drivers import DriverModel
 from policies.layout import HEAD_SIZE
 from service.scenario.schema import Scenario
 

@@ -7,8 +7,8 @@ from types import TracebackType
 from typing import Protocol
 
 import numpy as np
-from policies.drivers import DriverModel
 
+from policies.drivers import DriverModel
 from policies.egos import EgoPolicy, Observation
 from service.errors import EgoError
 from service.scenario.base import unpack

@@ -17,8 +17,8 @@ from pathlib import Path
 os.environ.setdefault("SUMO_HOME", str(Path(__file__).parent))
 
 import libsumo
-from libsumo import constants as tc
 import numpy as np
+from libsumo import constants as tc
 
 from service import agents as A
 from service.errors import SimulationError

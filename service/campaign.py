@@ -1,0 +1,59 @@
+"""Runs the jobs of a run directory, one after the other, on local workers, and shows how far they are."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+
+import ce
+from service.batches import RecordedBatches
+from service.evaluate import Observe, evaluate
+from service.job import Job, Problem
+from service.pool import LocalPool
+from service.store import Chunk, RunDirectory
+
+
+@dataclass(frozen=True)
+class Watcher:
+    """Who is told what a campaign does."""
+
+    on_job: Callable[[Job, int], None] = lambda job, total: None  # the job begins; its rollouts at most
+    on_chunk: Callable[[Chunk, bool], None] = lambda chunk, replayed: None
+    on_record: Observe = lambda state, record: None
+
+
+class LazyPool:
+    """A pool of local workers for a job that starts when first asked for."""
+
+    def __init__(self, job: Job, workers: int):
+        self._job, self._workers = job, workers
+        self._pool: LocalPool | None = None
+
+    def __call__(self) -> LocalPool:
+        if self._pool is None:
+            self._pool = LocalPool(self._job, self._workers)
+            self._pool.warm_up()
+        return self._pool
+
+    def __enter__(self) -> "LazyPool":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._pool is not None:
+            self._pool.__exit__(kind, error, trace)
+
+
+def run_jobs(store: RunDirectory, workers: int, watcher: Watcher) -> dict[str, ce.Estimate]:
+    """Run every job of the run to its end, from wherever it stands; the estimates by job id."""
+    return {job.id: run_job(store, job, workers, watcher) for job in store.jobs}
+
+
+def run_job(store: RunDirectory, job: Job, workers: int, watcher: Watcher) -> ce.Estimate:
+    """Run one job of the run to its end, from wherever it stands."""
+    problem = Problem(job)
+    algorithm = problem.algorithm
+    watcher.on_job(job, algorithm.total_rollouts)
+    with LazyPool(job, workers) as pool:
+        run_batch = RecordedBatches(store, job, pool, watcher.on_chunk)
+        return evaluate(algorithm, problem.stream_seed, run_batch, watcher.on_record)

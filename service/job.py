@@ -1,0 +1,121 @@
+"""A job: everything that decides an estimate, and what is made of it."""
+
+import hashlib
+from dataclasses import asdict
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+import ce
+from policies.drivers import DriverModel, load_drivers
+from policies.egos import load_ego
+from service.errors import InputError, StoreError
+from service.scenario.base import base_distribution
+from service.scenario.check import check_road
+from service.scenario.schema import Scenario
+from service.sim.rollout import Simulator
+from sumo_nets.corridor import Corridor
+
+
+class Job(msgspec.Struct, frozen=True, kw_only=True):
+    """scenario + ego + threshold + method with its options + seed: the same job gives the same bits."""
+
+    scenario: Scenario
+    ego: str
+    gamma: float
+    method: str
+    options: dict[str, Any]  # of ce.NaiveOptions or ce.CrossEntropyOptions
+    seed: int
+    tailroad: str = version("tailroad")
+    weights_sha256: str = ""  # of the drivers' weights, so that a resumed job is not mixed with others'
+
+    @property
+    def id(self) -> str:
+        """Unique within a run."""
+        return self.method
+
+
+def make_job(
+    scenario: Scenario, ego: str, gamma: float, method: str, seed: int, options: dict[str, Any]
+) -> Job:
+    """A checked job; InputError, ce.CeError or ValueError names what is wrong."""
+    job = Job(
+        scenario=scenario,
+        ego=ego,
+        gamma=gamma,
+        method=method,
+        options=options,
+        seed=seed,
+        weights_sha256=_weights_digest(load_drivers(scenario.drivers.weights)),
+    )
+    load_ego(ego)
+    ce.algorithm(method, _TINY_BASE, gamma, _options(method, options))
+    return job
+
+
+_TINY_BASE = ce.Product([ce.Beta(1.0, 1.0)])  # only to check the other arguments before any file is opened
+
+
+class Problem:
+    """What a job's parts come to: its road, drivers, base distribution and algorithm."""
+
+    def __init__(self, job: Job):
+        self.job = job
+
+    @cached_property
+    def corridor(self) -> Corridor:
+        return check_road(self.job.scenario, self.job.scenario.name)
+
+    @cached_property
+    def drivers(self) -> DriverModel:
+        drivers = load_drivers(self.job.scenario.drivers.weights)
+        if _weights_digest(drivers) != self.job.weights_sha256:
+            raise StoreError(
+                f"the weights {self.job.scenario.drivers.weights!r} have changed since this run began; "
+                "start a new run with another --out"
+            )
+        return drivers
+
+    @cached_property
+    def base(self) -> ce.Product:
+        return base_distribution(self.job.scenario, self.drivers)
+
+    @cached_property
+    def algorithm(self) -> ce.Naive | ce.CrossEntropy:
+        job = self.job
+        return ce.algorithm(job.method, self.base, job.gamma, _options(job.method, job.options))
+
+    @property
+    def stream_seed(self) -> int:
+        """The seed of this job's random streams: jobs that differ in their method share no rollouts."""
+        digest = hashlib.sha256(f"{self.job.method}/{self.job.seed}".encode()).digest()
+        return int.from_bytes(digest[:8], "little")
+
+    def simulator(self, fcd: Path | None = None) -> Simulator:
+        """A simulator of this job's rollouts, for this process."""
+        return Simulator(self.job.scenario, self.corridor, self.drivers, load_ego(self.job.ego), fcd=fcd)
+
+
+def _options(method: str, options: dict[str, Any]) -> ce.NaiveOptions | ce.CrossEntropyOptions:
+    kinds: dict[str, type] = {"naive": ce.NaiveOptions, "ce": ce.CrossEntropyOptions}
+    if method not in kinds:
+        raise InputError(f"no method named {method!r}; there are {', '.join(ce.METHODS)}")
+    try:
+        return kinds[method](**options)
+    except TypeError as error:
+        raise InputError(f"options of method {method!r}: {error}") from error
+
+
+def options_as_dict(options: ce.NaiveOptions | ce.CrossEntropyOptions) -> dict[str, Any]:
+    """Options as a job holds them."""
+    return asdict(options)
+
+
+def _weights_digest(drivers: DriverModel) -> str:
+    digest = hashlib.sha256()
+    for name in ("w1", "b1", "w2", "b2", "mu0", "sigma0", "action_scale"):
+        digest.update(getattr(drivers, name).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,102 @@
+"""What a job came to, as one JSON object, and the comparison of jobs on the same question."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import ce
+from service.job import Job
+
+MILLION = 1e6
+
+
+def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost") -> dict[str, Any]:
+    """The object that `tailroad estimate --json` prints (DESIGN 13)."""
+    low, high = estimate.ci
+    return {
+        "p": estimate.p,
+        "std_error": estimate.std_error,
+        "ci": [low, high],
+        "confidence": estimate.confidence,
+        "gamma": job.gamma,
+        "method": job.method,
+        "rollouts": {
+            "total": estimate.rollouts,
+            "training": estimate.training_rollouts,
+            "estimation": estimate.estimation_rollouts,
+            "failed": estimate.failed,
+        },
+        "events": estimate.events,
+        "ess": estimate.ess,
+        "max_weight_share": estimate.max_weight_share,
+        "efficiency_vs_naive": _number(estimate.efficiency),
+        "converged": estimate.converged,
+        "warnings": [{"name": w.name, "message": w.message, "remedy": w.remedy} for w in estimate.warnings],
+        "scenario": job.scenario.name,
+        "ego": job.ego,
+        "seed": job.seed,
+        "options": job.options,
+        "tailroad": job.tailroad,
+        **cost.as_dict(),
+    }
+
+
+class Cost:
+    """What a job cost: worker seconds and simulated seconds, and the wall clock of this sitting."""
+
+    def __init__(self, workers: int):
+        self.workers = workers
+        self.wall_s = 0.0
+        self.worker_s = 0.0
+        self.sim_s = 0.0
+
+    def add(self, worker_s: float, sim_s: float) -> None:
+        self.worker_s += worker_s
+        self.sim_s += sim_s
+
+    def as_dict(self) -> dict[str, float | int | None]:
+        return {
+            "workers": self.workers,
+            "wall_s": round(self.wall_s, 3),
+            "worker_s": round(self.worker_s, 3),
+            "sim_s": round(self.sim_s, 1),
+            "x_realtime_per_core": _number(self.sim_s / self.worker_s if self.worker_s else math.nan),
+        }
+
+
+def comparison_of(naive: ce.Estimate, other: ce.Estimate) -> dict[str, Any]:
+    """How `other` compares with naive Monte Carlo on the same question.
+
+    ratio_of_rare_events: events a rollout under the proposal over events a rollout under P0. ratio_of_variances: of
+    naive Monte Carlo with as many estimation rollouts over that of `other` (training left out, as the paper's Figure
+    2 does). efficiency: the same with training counted. Both variances of naive Monte Carlo are p (1 - p) / n with p
+    from the estimate that knows it better. difference_z: the two estimates' difference in standard errors.
+    """
+    rate = naive.events / naive.estimation_rollouts if naive.estimation_rollouts else math.nan
+    other_rate = other.events / other.estimation_rollouts if other.estimation_rollouts else math.nan
+    better = min((naive, other), key=lambda e: e.relative_half_width)
+    spread = math.hypot(naive.std_error, other.std_error)
+    variance = other.std_error**2
+    bernoulli = better.p * (1.0 - better.p)
+    return {
+        "method": other.method,
+        "ratio_of_rare_events": _number(other_rate / rate if rate else math.nan),
+        "ratio_of_variances": _number(
+            bernoulli / other.estimation_rollouts / variance if variance else math.nan
+        ),
+        "efficiency": _number(bernoulli / other.rollouts / variance if variance else math.nan),
+        "difference_z": _number((other.p - naive.p) / spread if spread else math.nan),
+    }
+
+
+def comparisons(jobs: Sequence[Job], estimates: dict[str, ce.Estimate]) -> list[dict[str, Any]]:
+    """Every job of a run against its naive one, where there is one."""
+    naive = estimates.get("naive")
+    if naive is None:
+        return []
+    return [comparison_of(naive, estimates[job.id]) for job in jobs if job.id != "naive"]
+
+
+def _number(value: float) -> float | None:
+    """JSON has no NaN and no infinity."""
+    return value if math.isfinite(value) else None
