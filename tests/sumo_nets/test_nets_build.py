@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -19,6 +20,9 @@ GEOMETRY = os.environ.get("TAILROAD_GEOMETRY", "")
 
 @pytest.mark.skipif(NETCONVERT is None, reason="needs SUMO's netconvert on PATH or in NETCONVERT")
 def test_the_sources_give_the_committed_network(tmp_path):
+    version = subprocess.run([NETCONVERT, "--version"], capture_output=True, text=True, check=True).stdout
+    if "1.28" not in version.splitlines()[0]:
+        pytest.skip(f"the network was built with netconvert 1.28, here is {version.splitlines()[0]}")
     built = build.build_net("i80", NETCONVERT, out=tmp_path / "i80.net.xml")
     assert built.read_text(encoding="utf-8") == (FOLDER / "i80.net.xml").read_text(encoding="utf-8")
 
