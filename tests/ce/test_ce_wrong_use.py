@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+
+import ce
+from tests.reference.problems import BETAS, LINEAR_2
+
+
+@pytest.mark.parametrize("gamma", [np.nan, np.inf, -np.inf, "low", None])
+@pytest.mark.parametrize("method", ce.METHODS)
+def test_gamma_must_be_a_finite_number(gamma, method):
+    with pytest.raises(ce.ThresholdError):
+        ce.estimate(LINEAR_2.f, LINEAR_2.base, gamma, method)
+
+
+@pytest.mark.parametrize(
+    "answer", [lambda x: 1.0, lambda x: x, lambda x: x[:-1, 0], lambda x: ["a"] * len(x), lambda x: None]
+)
+@pytest.mark.parametrize("method", ce.METHODS)
+def test_f_must_give_one_number_a_row(answer, method):
+    with pytest.raises(ce.ResponseError, match="f must give"):
+        ce.estimate(answer, LINEAR_2.base, 0.0, method, budget=1000)
+
+
+def test_unknown_methods_and_mismatched_options_are_refused():
+    with pytest.raises(ce.OptionsError, match="naive, ce"):
+        ce.estimate(LINEAR_2.f, LINEAR_2.base, 0.0, "subset")
+    with pytest.raises(ce.OptionsError, match="naive, ce"):
+        ce.algorithm("auto", LINEAR_2.base, 0.0)
+    with pytest.raises(ce.OptionsError, match="NaiveOptions"):
+        ce.algorithm("naive", LINEAR_2.base, 0.0, ce.CrossEntropyOptions())
+    with pytest.raises(ce.OptionsError, match="auto"):
+        ce.estimate(LINEAR_2.f, LINEAR_2.base, 0.0, "auto", options=ce.NaiveOptions())
+    with pytest.raises(ce.FamilyError):
+        ce.estimate(LINEAR_2.f, "base", 0.0, "ce")
+
+
+@pytest.mark.parametrize("method", ce.METHODS)
+def test_states_and_batches_of_another_problem_are_refused(method):
+    one, two = (ce.algorithm(method, BETAS.base, gamma) for gamma in (0.2, 0.3))
+    state = one.init(0)
+    with pytest.raises(ce.StateError, match="another"):
+        two.from_bytes(ce.to_bytes(state))
+    with pytest.raises(ce.StateError, match="not a"):
+        one.from_bytes(b"junk")
+    with pytest.raises(ce.StateError, match="not a"):
+        one.from_bytes(ce.to_bytes(state)[:-3])
+    batch = one.propose(state)
+    with pytest.raises(ce.StateError, match="does not answer"):
+        one.update(one.init(1), batch, BETAS.f(batch.x))
+    after, _ = one.update(state, batch, BETAS.f(batch.x))
+    with pytest.raises(ce.StateError, match="does not answer"):
+        one.update(after, batch, BETAS.f(batch.x))
+
+
+def test_a_finished_state_takes_no_more_batches():
+    algorithm = ce.algorithm("naive", BETAS.base, 0.2, ce.NaiveOptions(budget=10))
+    state = algorithm.init(0)
+    batch = algorithm.propose(state)
+    state, _ = algorithm.update(state, batch, BETAS.f(batch.x))
+    assert algorithm.propose(state) is None
+    with pytest.raises(ce.StateError):
+        algorithm.update(state, batch, BETAS.f(batch.x))
+
+
+def test_what_f_raises_passes_through():
+    def f(x):
+        raise RuntimeError("simulator gone")
+
+    with pytest.raises(RuntimeError, match="simulator gone"):
+        ce.estimate(f, BETAS.base, 0.2, "ce")
+
+
+def test_auto_takes_naive_for_common_events_and_the_search_for_rare_ones():
+    common = ce.estimate(LINEAR_2.f, LINEAR_2.base, 2.0, budget=10_000)
+    rare = ce.estimate(LINEAR_2.f, LINEAR_2.base, 0.0, budget=10_000)
+    assert (common.method, rare.method) == ("naive", "ce")
+    assert common.rollouts == rare.rollouts == 10_000
+    assert common.training_rollouts == 1000
+    assert abs(rare.p - LINEAR_2.p) < 4 * rare.std_error
