@@ -135,7 +135,7 @@ def straight_lanes(
     return SceneRoad(name, ds_m, *(np.ascontiguousarray(a, dtype=np.float64) for a in arrays))
 
 
-def read_i80(data: Path | str, lanes_json: Path | str | None = None, road_length_m: float = 545.0) -> Scene:
+def read_i80(data: Path | str, lanes_json: Path | str | None = None, road_length_m: float = 600.0) -> Scene:
     """The I-80 platoon (94 vehicles, 157 s) from the data pack's folder, or from a file in its schema."""
     path, lanes_path = _locate(data, I80_FILE, I80_LANES, lanes_json)
     table = _read(path, ["vehicle_id", "frame", "x_m", "y_m", "length_est_m", "lane", "leader_known"])
@@ -284,7 +284,7 @@ def _scene(name: str, table: pl.DataFrame, road: SceneRoad) -> Scene:
     number = np.floor(lanes / 2.0 - out["d"] / spacing)
     lane = np.where(np.isfinite(number), np.clip(np.nan_to_num(number), 0, lanes - 1), -1).astype(np.int64)
     flags |= _overlaps(out["s"], out["d"], lane, length, width)
-    on_map = (out["s"] > 1.0) & (out["s"] < road.length_m - 1.0)
+    on_map = (out["s"] > 1.0) & (out["s"] + 0.5 * length < road.length_m - 2.0)
     usable &= (flags == 0) & on_map & np.isfinite(out["accel"]) & np.isfinite(out["turn_rate"])
     return Scene(
         name, DT_S, road, frames, ids, length, width, out["x"], out["y"], out["heading"], out["speed"],

@@ -1,0 +1,158 @@
+"""The driver model: a network with random last-layer weights xi ~ N(mu0, Sigma0), loaded from its weights file.
+
+    model = load_drivers("drivers-bc")          # shipped with tailroad
+    model = load_drivers("runs/mine.safetensors")
+
+A weights file is a safetensors file with the arrays of `DriverModel` and, beside it, a JSON card of the same name
+that says what the weights were trained on and how well they drive. An ego network is stored in the same way; its
+`sigma0` is zero and its head's last two columns are unused.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save_file
+
+from policies.layout import HEAD_SIZE, HIDDEN_1, HIDDEN_2, OBSERVATION_SIZE
+
+WEIGHTS_FOLDER = Path(__file__).parent / "weights"
+
+_SHAPES: dict[str, tuple[tuple[int, ...], type]] = {
+    "w1": ((OBSERVATION_SIZE, HIDDEN_1), np.float32),
+    "b1": ((HIDDEN_1,), np.float32),
+    "w2": ((HIDDEN_1, HIDDEN_2), np.float32),
+    "b2": ((HIDDEN_2,), np.float32),
+    "mu0": ((HEAD_SIZE,), np.float64),
+    "sigma0": ((HEAD_SIZE, HEAD_SIZE), np.float64),
+    "action_scale": ((2,), np.float64),
+}
+# Sigma0 is stored as its variances and a low-rank factor: sigma0 = diag(d) + factor factor^T.
+_STORED = ("w1", "b1", "w2", "b2", "mu0", "sigma0_diagonal", "sigma0_factor", "action_scale")
+
+
+class WeightsError(ValueError):
+    """A weights file that cannot be used: names the file, what was found, what was expected and what to do."""
+
+
+@dataclass(frozen=True, eq=False)
+class DriverModel:
+    """A driver network (see policies.network) and the base distribution of its last layer.
+
+    w1 (51, 200), b1 (200,), w2 (200, 100), b2 (100,) float32: the trunk; mu0 (404,), sigma0 (404, 404) float64: mean
+    and covariance of the last layer's weights, symmetric positive definite (zero for an ego); action_scale (2,):
+    m/s^2 and rad/s; card: the JSON card.
+    """
+
+    w1: np.ndarray
+    b1: np.ndarray
+    w2: np.ndarray
+    b2: np.ndarray
+    mu0: np.ndarray
+    sigma0: np.ndarray
+    action_scale: np.ndarray
+    card: dict[str, Any]
+
+
+def shipped() -> list[str]:
+    """Names of the weights that come with tailroad."""
+    return sorted(path.stem for path in WEIGHTS_FOLDER.glob("*.safetensors"))
+
+
+def load_drivers(name_or_path: str | Path) -> DriverModel:
+    """The model called `name_or_path` (see `shipped`), or that of a `.safetensors` file. Raises WeightsError."""
+    path = _find(name_or_path)
+    try:
+        arrays = load_file(path)
+    except (SafetensorError, OSError) as error:
+        raise WeightsError(
+            f"{path}: not a readable safetensors file ({error}); train one with 'tailroad train drivers'"
+        ) from error
+    missing = [key for key in _STORED if key not in arrays]
+    if missing:
+        raise WeightsError(f"{path}: arrays {missing} are missing; expected {list(_STORED)}")
+    diagonal, factor = (arrays.pop(key).astype(np.float64) for key in ("sigma0_diagonal", "sigma0_factor"))
+    if diagonal.shape != (HEAD_SIZE,) or factor.ndim != 2 or len(factor) != HEAD_SIZE:
+        raise WeightsError(
+            f"{path}: sigma0_diagonal has shape {diagonal.shape} and sigma0_factor {factor.shape}; expected "
+            f"({HEAD_SIZE},) and ({HEAD_SIZE}, rank)"
+        )
+    # a fixed order of summation, so that Sigma0 has the same bits on every machine
+    sigma0 = np.diag(diagonal)
+    for column in factor.T:
+        sigma0 = sigma0 + np.multiply.outer(column, column)
+    arrays["sigma0"] = sigma0
+    return _checked(path, arrays, _card(path))
+
+
+def save_drivers(
+    path: Path | str,
+    arrays: dict[str, np.ndarray],
+    sigma0_diagonal: np.ndarray,
+    sigma0_factor: np.ndarray,
+    card: dict,
+) -> Path:
+    """Write weights and card; sigma0 = diag(diagonal (404,)) + factor (404, rank) factor^T. Returns the path."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    stored = {
+        "sigma0_diagonal": np.asarray(sigma0_diagonal, np.float64),
+        "sigma0_factor": np.asarray(sigma0_factor, np.float64),
+    }
+    for key, value in arrays.items():
+        stored[key] = np.ascontiguousarray(value, dtype=_SHAPES[key][1])
+    save_file(stored, path, metadata={"format": "tailroad-drivers-1"})
+    path.with_suffix(".json").write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
+    return path
+
+
+def _find(name_or_path: str | Path) -> Path:
+    given = Path(name_or_path)
+    if given.suffix == ".safetensors":
+        if not given.is_file():
+            raise WeightsError(f"{given}: no such weights file")
+        return given
+    path = WEIGHTS_FOLDER / f"{name_or_path}.safetensors"
+    if not path.is_file():
+        raise WeightsError(
+            f"no shipped weights are called '{name_or_path}'; there are {shipped()}, or give the path of a "
+            ".safetensors file"
+        )
+    return path
+
+
+def _card(path: Path) -> dict[str, Any]:
+    card = path.with_suffix(".json")
+    if not card.is_file():
+        raise WeightsError(f"{path}: its card {card.name} is missing; weights without a card are not used")
+    try:
+        found = json.loads(card.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        raise WeightsError(f"{card}: not valid JSON ({error})") from error
+    if not isinstance(found, dict):
+        raise WeightsError(f"{card}: expected a JSON object, got {type(found).__name__}")
+    return found
+
+
+def _checked(path: Path, arrays: dict[str, np.ndarray], card: dict[str, Any]) -> DriverModel:
+    values = {}
+    for key, (shape, kind) in _SHAPES.items():
+        array = np.ascontiguousarray(arrays[key], dtype=kind)
+        if array.shape != shape:
+            raise WeightsError(f"{path}: {key} has shape {array.shape}, expected {shape}")
+        if not np.isfinite(array).all():
+            raise WeightsError(f"{path}: {key} holds values that are not finite; the training diverged")
+        array.flags.writeable = False
+        values[key] = array
+    if (values["action_scale"] <= 0.0).any():
+        raise WeightsError(f"{path}: action_scale must be positive, got {values['action_scale'].tolist()}")
+    sigma0 = values["sigma0"]
+    if sigma0.any():
+        try:
+            np.linalg.cholesky(sigma0)
+        except np.linalg.LinAlgError as error:
+            raise WeightsError(f"{path}: sigma0 is not positive definite; refit it") from error
+    return DriverModel(**values, card=card)

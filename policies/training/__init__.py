@@ -1,0 +1,1 @@
+"""Training of the shipped networks (needs the extra `train`); nothing else imports this package."""

@@ -1,0 +1,421 @@
+"""Train the human-driver model by behaviour cloning with noise injection and data set aggregation.
+
+    python -m policies.training.drivers --data DIR --out DIR --seed 1
+
+DIR of --data is the data pack's folder (its README tells where the recordings come from). Written to --out:
+drivers-bc.safetensors with its card drivers-bc.json. Minutes on one core; an interrupted run continues after its last
+finished stage when started again with the same arguments.
+
+The stages, in order: rows from the recordings; the expert fitted; the trunk trained in rounds, each on rows aggregated
+with the network of the round before; the last layer trained again on resampled drivers; the distribution of its
+weights; metrics.
+"""
+
+import argparse
+import hashlib
+import json
+import pickle
+import platform
+import time
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+import torch
+from rich.progress import Progress
+
+from policies.data.scenes import read_i80, read_us101, summary
+from policies.drivers import save_drivers
+from policies.training import metrics
+from policies.training.aggregation import visited
+from policies.training.demonstrations import (
+    AGGREGATED,
+    I80_HELD_OUT_FROM,
+    PERTURBED,
+    RECORDED,
+    US101_HELD_OUT_FROM,
+    Rows,
+    held_out_vehicles,
+    joined,
+    perturbed_rows,
+    recorded_rows,
+)
+from policies.training.ensemble import describe, head_distribution, refit_head
+from policies.training.expert import Expert, evidence, fit, mean_action, noise_sd
+from policies.training.network import (
+    ACTION_SCALE,
+    DriverNet,
+    exported,
+    input_statistics,
+    network_features,
+    train,
+)
+from policies.training.world import Network, i80_road
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Every argument of the training; the defaults made the shipped weights."""
+
+    data: Path  # the data pack's folder
+    out: Path  # where the weights and their card go
+    seed: int = 1
+    rounds: int = 5  # of aggregation
+    rollouts: int = 150  # of six drivers, in each round
+    first_steps: int = 1500  # of AdamW on the recordings alone, before the first round
+    round_steps: int = 1200  # in each round
+    final_steps: int = 5000  # on all rows
+    batch: int = 1024
+    recorded_share: float = 0.35  # of the rows in a batch, before the drivers of US-101 are weighted up
+    perturbed_share: float = 0.25
+    us101_weight: float = 2.0  # of a US-101 row relative to an I-80 one: faster traffic, fewer rows
+    members: int = 24  # resamples of the last layer
+    ridge: float = 1e-3  # pulls members to the common head where the data leave weights open
+    member_rows: int = 40_000  # rows each resample is drawn from
+    check_rollouts: int = 500  # for the metrics on the whole road
+    threads: int = 1
+
+
+def main() -> None:
+    arguments = parse(Arguments, __doc__)
+    began = time.time()
+
+    # Randomness: everything below draws from these.
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(arguments.seed).spawn(7)]
+    rows_rng, visit_rng, train_rng, expert_rng, member_rng, xi_rng, check_rng = streams
+
+    stages = Stages(arguments)
+    with Progress() as progress:
+        scenes = [read_i80(arguments.data), *read_us101(arguments.data)]
+        recorded, perturbed = stages.get("rows", lambda: rows_of(scenes, rows_rng))
+        found = evidence(arguments.data, scenes, [~held_out_vehicles(scene) for scene in scenes])
+        expert = fit(found)
+        road = i80_road()
+
+        net, aggregated = stages.get(
+            "trunk",
+            lambda: train_trunk(arguments, recorded, perturbed, expert, road, visit_rng, train_rng, progress),
+        )
+        network = exported(net, aggregated.seen)
+        experts, members = stages.get(
+            "members",
+            lambda: train_members(
+                arguments, network, recorded, perturbed, aggregated, expert, found, expert_rng, member_rng, progress
+            ),
+        )
+        distribution, scores = head_distribution(members)
+
+        root = np.linalg.cholesky(distribution.covariance)
+
+        def draw(rng: np.random.Generator) -> Network:
+            xi = distribution.mean + root @ rng.standard_normal(len(root))
+            return network._replace(head=xi.astype(np.float32))
+
+        centre = network._replace(head=distribution.mean.astype(np.float32))
+        measured = measure(arguments, draw, centre, road, scenes, recorded, aggregated, xi_rng, check_rng, progress)
+
+    card = {
+        "name": "drivers-bc",
+        "what": "distribution of human drivers: network 51-200-100-4, last layer N(mu0, Sigma0)",
+        "method": "behaviour cloning (Gaussian likelihood), noise injection, data set aggregation with a fitted "
+        "expert; last layer retrained on resampled drivers",
+        "command": command("policies.training.drivers", arguments),
+        "seed": arguments.seed,
+        "arguments": public(arguments),
+        "data": data_card(arguments, scenes, recorded, perturbed, aggregated),
+        "expert": {**expert.as_dict(), "resampled": [e.as_dict() for e in experts]},
+        "action_scale": ACTION_SCALE.tolist(),
+        "sigma0": {
+            **describe(distribution),
+            "members": len(members),
+            "cross_validated_log_likelihood": {str(a): round(s, 2) for a, s in scores.items()},
+            **xi_effects(network, members, distribution, recorded, aggregated),
+        },
+        "metrics": measured,
+        "limits": LIMITS,
+        "versions": versions(),
+        "training_s": round(time.time() - began),
+    }
+    arrays = {
+        "w1": network.w1, "b1": network.b1, "w2": network.w2, "b2": network.b2,
+        "mu0": distribution.mean, "action_scale": ACTION_SCALE,
+    }  # fmt: skip
+    path = save_drivers(
+        arguments.out / "drivers-bc.safetensors", arrays, distribution.diagonal, distribution.factor, card
+    )
+    stages.clear()
+    print(json.dumps({key: card[key] for key in ("metrics", "sigma0")}, indent=1))
+    print(f"written: {path} and its card, after {time.time() - began:.0f} s")
+
+
+LIMITS = [
+    "Recorded drivers were seen at a mean of 6 m/s (I-80) and 13 m/s (US-101), in congestion. On the almost empty "
+    "road of the i80 scenario most of what a driver does comes from the fitted expert's labels, not from recordings.",
+    "Vehicle sizes on I-80 are estimates; widths are assumed.",
+    "Action noise is white at 10 Hz. Recorded turn rates are correlated over about a second; their noise was replaced "
+    "by the white noise that gives the same spread across the lane, so open-loop likelihoods suffer.",
+    "The resampled heads include resampled experts. They know nothing of kinds of drivers that 15 minutes on two roads "
+    "do not show: Sigma0 says how uncertain this fit is, not how different people are.",
+    "Lane changes are hardly learned: without intentions in the observation they look like noise.",
+]
+
+
+def rows_of(scenes, rng: np.random.Generator) -> tuple[Rows, Rows]:
+    """Recorded rows and perturbed ones (as many again, training vehicles only)."""
+    recorded = joined([recorded_rows(scene) for scene in scenes])
+    perturbed = joined([perturbed_rows(scene, rng) for scene in scenes])
+    return recorded, perturbed.where(~perturbed.held_out)
+
+
+def mixture(arguments: Arguments, recorded: Rows, perturbed: Rows, aggregated: Rows | None, expert: Expert):
+    """Observations, mean labels, label noise and sampling weights of all training rows."""
+    learn = recorded.where(~recorded.held_out)
+    parts = [learn, perturbed] + ([aggregated] if aggregated is not None else [])
+    shares = [arguments.recorded_share, arguments.perturbed_share]
+    shares.append(1.0 - sum(shares))
+    seen = np.concatenate([part.seen for part in parts])
+    action = np.concatenate(
+        [part.action if part.kind[0] != AGGREGATED else mean_action(expert, part.seen) for part in parts]
+    )
+    sd = noise_sd(expert, seen)
+    from_people = np.concatenate([part.kind for part in parts]) != AGGREGATED
+    sd[from_people, 0] = 0.0  # people's accelerations bring their own spread
+    weight = []
+    for part, share in zip(parts, shares, strict=False):
+        fast = np.where(part.seen[:, 2] > 9.0, arguments.us101_weight, 1.0) if part.kind[0] != AGGREGATED else 1.0
+        w = np.ones(len(part)) * fast
+        weight.append(w / w.sum() * share)
+    return seen, action, sd, np.concatenate(weight)
+
+
+def train_trunk(arguments, recorded, perturbed, expert, road, visit_rng, train_rng, progress):
+    """The network trained on everything, and the aggregated rows."""
+    learn = recorded.where(~recorded.held_out)
+    wide = np.concatenate([learn.seen, perturbed.seen])
+    aggregated = None
+    net = None
+    for turn in range(arguments.rounds + 1):
+        seen, action, sd, weight = mixture(arguments, recorded, perturbed, aggregated, expert)
+        if net is None:
+            net = DriverNet(*input_statistics(wide))
+        steps = arguments.first_steps if turn == 0 else arguments.round_steps
+        train(net, seen, action, sd, weight, steps, train_rng, batch=arguments.batch, progress=progress,
+              label=f"round {turn} of {arguments.rounds}")  # fmt: skip
+        if turn < arguments.rounds:
+            new = visited(exported(net, seen[-20000:]), road, arguments.rollouts, visit_rng)
+            aggregated = new if aggregated is None else joined([aggregated, new])
+            if turn == 0:  # inputs of the scenario lie outside the recordings' range: standardise for both
+                net = DriverNet(*input_statistics(np.concatenate([wide, new.seen])))
+    seen, action, sd, weight = mixture(arguments, recorded, perturbed, aggregated, expert)
+    train(net, seen, action, sd, weight, arguments.final_steps, train_rng, batch=arguments.batch, progress=progress,
+          label="all rows")  # fmt: skip
+    return net, aggregated
+
+
+def train_members(arguments, network, recorded, perturbed, aggregated, expert, found, expert_rng, member_rng, progress):
+    """Experts and heads (members, 404), each from a resample of whole trajectories and of the expert's evidence."""
+    learn = recorded.where(~recorded.held_out)
+    parts = [learn, perturbed, aggregated]
+    shares = [arguments.recorded_share, arguments.perturbed_share]
+    shares.append(1.0 - sum(shares))
+    chosen = []
+    for part, share in zip(parts, shares, strict=True):
+        count = min(len(part), round(share * arguments.member_rows))
+        chosen.append(part.where(np.sort(member_rng.choice(len(part), count, replace=False))))
+    features = [network_features(network, part.seen) for part in chosen]
+    white = [member_rng.standard_normal((len(part), 2)) for part in chosen]
+
+    def labels(by: Expert) -> np.ndarray:
+        found_labels = []
+        for part, z in zip(chosen, white, strict=True):
+            sd = noise_sd(by, part.seen)
+            if part.kind[0] == AGGREGATED:
+                found_labels.append(mean_action(by, part.seen) + sd * z)
+            else:
+                found_labels.append(part.action + sd * z * [0.0, 1.0])
+        return np.concatenate(found_labels) / ACTION_SCALE
+
+    everything = np.concatenate(features)
+    base = np.concatenate([np.full(len(p), s / len(p)) for p, s in zip(chosen, shares, strict=True)])
+    common = refit_head(everything, labels(expert), base, network.head.astype(np.float64), arguments.ridge)
+    task = progress.add_task("resampled heads", total=arguments.members)
+    experts, members = [], []
+    for _ in range(arguments.members):
+        by = fit(found, expert, expert_rng)
+        weight = []
+        drawn = {}
+        for part, share in zip(chosen, shares, strict=True):
+            # recorded and perturbed rows of a driver are resampled together
+            key = "people" if part.kind[0] != AGGREGATED else "visits"
+            top = int(max(p.trajectory.max() for p in chosen if (p.kind[0] != AGGREGATED) == (key == "people"))) + 1
+            if key not in drawn:
+                present = np.unique(part.trajectory)
+                count = np.bincount(member_rng.choice(present, len(present)), minlength=top)
+                drawn[key] = np.pad(count, (0, max(0, top - len(count))))
+            w = drawn[key][part.trajectory].astype(np.float64)
+            weight.append(w / w.sum() * share)
+        head = refit_head(everything, labels(by), np.concatenate(weight), common, arguments.ridge)
+        experts.append(by)
+        members.append(head)
+        progress.update(task, advance=1)
+    progress.remove_task(task)
+    return experts, np.array(members)
+
+
+def measure(arguments, draw, centre, road, scenes, recorded, aggregated, xi_rng, check_rng, progress) -> dict:
+    """All metrics of the card."""
+    task = progress.add_task("whole road", total=arguments.check_rollouts)
+    on_road = metrics.whole_road(
+        lambda _: draw(xi_rng), road, arguments.check_rollouts, check_rng, tick=lambda: progress.update(task, advance=1)
+    )
+    progress.remove_task(task)
+    held = recorded.where(recorded.held_out)
+    likelihood = metrics.nll(centre, network_features(centre, held.seen), held.action.astype(np.float64))
+    learned = recorded.where(~recorded.held_out)
+    train_nll = metrics.nll(centre, network_features(centre, learned.seen), learned.action.astype(np.float64))
+    constant = 0.5 * np.sum((held.action / ACTION_SCALE / (sd := (learned.action / ACTION_SCALE).std(0))) ** 2, axis=1)
+    loop = {}
+    for name, part in (("i80", scenes[:1]), ("us101", scenes[1:])):
+        loop[name] = metrics.closed_loop(lambda _: draw(xi_rng), part, (5.0, 10.0, 20.0), check_rng)
+    return {
+        "p0_whole_road": on_road,
+        "behind_a_slower_vehicle": metrics.brakes_for_leader(centre, road, check_rng),
+        "held_out_open_loop": {
+            "rows": len(held),
+            "nll_scaled_units": round(float(likelihood.mean()), 4),
+            "train_nll": round(float(train_nll.mean()), 4),
+            "nll_of_a_constant_normal": round(float(constant.mean() + np.log(sd).sum() + np.log(2 * np.pi)), 4),
+            "rmse_accel_mps2": round(float(_mean_error(centre, held)[0]), 4),
+            "rmse_turn_rate_radps": round(float(_mean_error(centre, held)[1]), 5),
+        },
+        "held_out_closed_loop": loop,
+    }
+
+
+def _mean_error(network: Network, rows: Rows) -> np.ndarray:
+    h = np.column_stack([network_features(network, rows.seen), np.ones(len(rows))])
+    mean = (h @ network.head.reshape(-1, 4))[:, :2] * ACTION_SCALE
+    return np.sqrt(np.mean((mean - rows.action) ** 2, axis=0))
+
+
+def xi_effects(network, members, distribution, recorded, aggregated) -> dict:
+    """What a draw of xi, and a shift of 0.01 in every weight, change in a driver's actions."""
+    result = {}
+    for name, rows in (("recorded", recorded), ("aggregated", aggregated)):
+        pick = np.linspace(0, len(rows) - 1, 4000).astype(int)
+        h = np.column_stack([network_features(network, rows.seen[pick]), np.ones(len(pick))])
+        sd = []
+        for output in range(4):
+            block = distribution.covariance[output::4, output::4]
+            sd.append(float(np.sqrt(np.mean(np.einsum("ni,ij,nj->n", h, block, h)))))
+        of_members = np.array([h @ m.reshape(-1, 4) for m in members]).std(axis=0, ddof=1)
+        result[f"output_sd_under_xi_{name}"] = {
+            "mean_accel_mps2": round(sd[0] * ACTION_SCALE[0], 4),
+            "mean_turn_rate_radps": round(sd[1] * ACTION_SCALE[1], 6),
+            "log_std": [round(x, 4) for x in sd[2:]],
+            "mean_accel_of_members": round(float(np.sqrt((of_members[:, 0] ** 2).mean())), 4),
+            "mean_turn_rate_of_members": round(float(np.sqrt((of_members[:, 1] ** 2).mean())) * ACTION_SCALE[1], 6),
+        }
+        result[f"output_shift_of_0.01_in_all_weights_{name}"] = round(float(0.01 * np.abs(h).sum(axis=1).mean()), 4)
+        result[f"activation_{name}"] = {
+            "rms": round(float(np.sqrt((h[:, :-1] ** 2).mean())), 4),
+            "active_units_mean": round(float((h[:, :-1] > 0).sum(axis=1).mean()), 1),
+        }
+    return result
+
+
+def data_card(arguments, scenes, recorded, perturbed, aggregated) -> dict:
+    """What the weights learned from, with shares."""
+    held = recorded.held_out
+    shares = [arguments.recorded_share, arguments.perturbed_share]
+    files = sorted({"scenes/i80_carpe_platoon_0400-0415.parquet", "scenes/us101_commonroad_merged.parquet",
+                    "scenes/i80_lanes.json", "scenes/us101_lanes.json", "trajectories/zhu_ngsim_cf_events.parquet"})  # fmt: skip
+    return {
+        "files": {f: hashlib.sha256((arguments.data / f).read_bytes()).hexdigest() for f in files},
+        "rows": {
+            "recorded": int((~held).sum()),
+            "recorded_held_out": int(held.sum()),
+            "perturbed": len(perturbed),
+            "aggregated": len(aggregated),
+        },
+        "shares_of_the_training_batches": {
+            "recorded": shares[0],
+            "perturbed": shares[1],
+            "aggregated_with_expert_labels": round(1.0 - sum(shares), 4),
+        },
+        "held_out": {"i80_vehicle_id_from": I80_HELD_OUT_FROM, "us101_vehicle_id_from": US101_HELD_OUT_FROM},
+        "scenes": [summary(scene) for scene in scenes],
+    }
+
+
+class Stages:
+    """Finished stages of an interrupted run, kept beside the output until the run is done."""
+
+    def __init__(self, arguments) -> None:
+        key = hashlib.sha256(repr(sorted(public(arguments).items())).encode()).hexdigest()[:12]
+        self._folder = arguments.out / f".unfinished-{key}"
+
+    def get(self, name: str, make):
+        path = self._folder / f"{name}.pickle"
+        if path.is_file():
+            print(f"stage '{name}' was finished before: taken from {path}")
+            return pickle.loads(path.read_bytes())
+        value = make()
+        self._folder.mkdir(parents=True, exist_ok=True)
+        part = path.with_suffix(".part")
+        part.write_bytes(pickle.dumps(value))
+        part.replace(path)
+        return value
+
+    def clear(self) -> None:
+        for path in self._folder.glob("*"):
+            path.unlink()
+        if self._folder.is_dir():
+            self._folder.rmdir()
+
+
+def public(arguments) -> dict:
+    """The arguments that decide the result: no paths, no thread counts."""
+    return {k: v for k, v in asdict(arguments).items() if not isinstance(v, Path) and k != "threads"}
+
+
+def command(module: str, arguments) -> str:
+    """The command that repeats a run; only arguments that differ from their defaults are spelled out."""
+    words = [f"python -m {module} --data DIR --out DIR --seed {arguments.seed}"]
+    for field in fields(arguments):
+        value = getattr(arguments, field.name)
+        if field.name not in ("data", "out", "seed", "threads") and value != field.default:
+            words.append(f"--{field.name.replace('_', '-')} {value}")
+    return " ".join(words)
+
+
+def versions() -> dict[str, str]:
+    import numba
+    import polars
+    import scipy
+
+    return {
+        "python": platform.python_version(),
+        "torch": torch.__version__.split("+")[0],
+        **{m.__name__: m.__version__ for m in (np, scipy, numba, polars)},
+    }
+
+
+def parse(kind, description: str):
+    """Command-line arguments as the frozen dataclass `kind`, one option a field."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for field in fields(kind):
+        required = field.name in ("data", "out")
+        parser.add_argument(
+            f"--{field.name.replace('_', '-')}",
+            type=Path if required else type(field.default),
+            required=required,
+            default=None if required else field.default,
+        )
+    return kind(**vars(parser.parse_args()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,214 @@
+"""The driver that labels aggregated states: car following and lane keeping, fitted to the recordings.
+
+acceleration = FREE (1 - (v / v0)^4) - INTERACTION ((s0 + max(0, T v + v dv / (2 sqrt(INTERACTION b)))) / gap)^2
+turn rate    = v curvature - (w^2 offset + 2 zeta w v sin(heading)) / v
+
+It is the intelligent driver model (Treiber et al. 2000) with a free acceleration of its own, and a damped oscillator
+across the lane. Both carry white noise, because people do not repeat themselves.
+
+How each parameter is found (`fit`):
+T, INTERACTION, b       simulated follower against recorded follower over whole car-following events (Zhu et al.),
+                        least squares of the logarithm of the spacing; s0 is taken from the literature: the events
+                        are all faster than 5 m/s and hardly show it
+FREE, v0                mean acceleration of recorded drivers without a leader within 60 m, by least squares
+w                       stationary moments of lane keeping: the oscillator's w is s.d. of lateral speed / s.d. of offset
+                        within a driver and lane (a regression on noisy offsets would underestimate it)
+noise                   turn rate: the white noise that gives the recorded s.d. of the offset in the stationary state;
+                        acceleration: s.d. of the free drivers' accelerations
+"""
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+from scipy.optimize import minimize
+
+from policies import layout as O
+from policies.data.scenes import DataError, Scene
+
+ZHU_FILE = "trajectories/zhu_ngsim_cf_events.parquet"
+DT_S = 0.1
+DAMPING_RATIO = 0.9  # lane keeping hardly overshoots; not identifiable from stationary moments
+STEERING_SPEED_FLOOR_MPS = 4.0
+FREE_GAP_M = 60.0
+LANE_HALF_WIDTH_M = 1.8
+
+
+@dataclass(frozen=True)
+class Expert:
+    """Parameters in SI units; see the module."""
+
+    standstill_gap_m: float = 2.0
+    time_headway_s: float = 1.2
+    interaction_mps2: float = 1.0
+    comfort_mps2: float = 2.0
+    free_mps2: float = 0.3
+    desired_speed_mps: float = 21.0
+    lateral_rate_per_s: float = 0.6
+    offset_sd_m: float = 0.2
+    acceleration_noise_mps2: float = 0.5
+
+    def as_dict(self) -> dict[str, float]:
+        return {key: round(float(value), 6) for key, value in asdict(self).items()}
+
+
+def mean_action(expert: Expert, seen: np.ndarray) -> np.ndarray:
+    """Action (n, 2) for observations (n, 51): m/s^2 and rad/s, without noise."""
+    v = seen[:, O.SPEED_MPS].astype(np.float64)
+    gap, closing = leader(seen)
+    free = expert.free_mps2 * (1.0 - (v / expert.desired_speed_mps) ** 4)
+    accel = free - _interaction(expert, v, gap, closing)
+    rate = expert.lateral_rate_per_s
+    across = rate**2 * seen[:, O.LANE_OFFSET_M] + 2.0 * DAMPING_RATIO * rate * v * np.sin(
+        seen[:, O.LANE_HEADING_RAD]
+    )
+    turn = v * seen[:, O.LANE_CURVATURE_PER_M] - across / np.maximum(v, STEERING_SPEED_FLOOR_MPS)
+    accel = np.clip(accel, -O.MAX_DECELERATION_MPS2, O.MAX_ACCELERATION_MPS2)
+    return np.column_stack([accel, np.clip(turn, -O.MAX_TURN_RATE_RADPS, O.MAX_TURN_RATE_RADPS)])
+
+
+def noise_sd(expert: Expert, seen: np.ndarray) -> np.ndarray:
+    """Standard deviations (n, 2) of the white noise of a 0.1 s step.
+
+    The oscillator's stationary variance is S / (4 zeta w^3) with S = (v sd)^2 dt the noise's spectral density.
+    """
+    speed = seen[:, O.SPEED_MPS].astype(np.float64)
+    v = np.maximum(speed, STEERING_SPEED_FLOOR_MPS)
+    density = 4.0 * DAMPING_RATIO * expert.lateral_rate_per_s**3 * expert.offset_sd_m**2
+    turn = np.sqrt(density / DT_S) / v * (speed / v)  # fades out below the floor: nobody turns while standing
+    return np.column_stack([np.full(len(v), expert.acceleration_noise_mps2), turn])
+
+
+def leader(seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Bumper gap (m, inf for none) and closing speed (m/s) of the vehicle in the own path, from the lidar."""
+    steps = np.array([-2, -1, 0, 1, 2])
+    beams = steps % O.BEAMS
+    angle = 2.0 * np.pi * steps / O.BEAMS
+    distance = seen[:, O.RANGE_M + beams].astype(np.float64)
+    hit = (distance < O.LIDAR_RANGE_M - 1e-3) & (np.abs(distance * np.sin(angle)) < LANE_HALF_WIDTH_M)
+    ahead = np.where(hit, distance * np.cos(angle) - 0.5 * seen[:, O.LENGTH_M, None], np.inf)
+    best = ahead.argmin(axis=1)
+    row = np.arange(len(seen))
+    gap = ahead[row, best]
+    closing = -seen[row, O.RANGE_RATE_MPS + beams[best]].astype(np.float64)
+    return gap, np.where(np.isfinite(gap), closing, 0.0)
+
+
+def _interaction(expert: Expert, v, gap, closing):
+    root = 2.0 * np.sqrt(expert.interaction_mps2 * expert.comfort_mps2)
+    wanted = expert.standstill_gap_m + np.maximum(0.0, expert.time_headway_s * v + v * closing / root)
+    return expert.interaction_mps2 * (wanted / np.maximum(gap, 0.5)) ** 2
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the expert is fitted to, by driver, so that drivers can be resampled.
+
+    following: (events, steps, 3) gap, own speed, leader's speed, NaN after the end; free: (n, 2) speed and
+    acceleration, with free_track (n,); lateral: (drivers and lanes, 3) rows, mean square offset about the driver's
+    mean, mean square lateral speed.
+    """
+
+    following: np.ndarray
+    free: np.ndarray
+    free_track: np.ndarray
+    lateral: np.ndarray
+
+
+def evidence(data: Path | str, scenes: list[Scene], train: list[np.ndarray]) -> Evidence:
+    """Collect the evidence from the data pack and its scenes; train: (N,) bool for each scene's vehicles."""
+    path = Path(data) / ZHU_FILE
+    if not path.is_file():
+        raise DataError(f"{path}: no such file; --data must name the data pack's folder")
+    table = pl.read_parquet(path).sort("event", "k")
+    events = [part for _, part in table.group_by("event", maintain_order=True)]
+    steps = max(len(e) for e in events)
+    following = np.full((len(events), steps, 3), np.nan)
+    for i, event in enumerate(events):
+        following[i, : len(event)] = event.select("spacing_m", "foll_v_mps", "lead_v_mps").to_numpy()
+    free, track, lateral = [], [], []
+    for number, (scene, keep) in enumerate(zip(scenes, train, strict=True)):
+        spacing, lanes = scene.road.lane_width_m, len(scene.road.lane_left)
+        offset = scene.lateral - ((lanes - 1) / 2.0 - scene.lane) * spacing
+        sideways = np.gradient(scene.lateral, DT_S, axis=0)
+        for j in np.flatnonzero(keep):
+            use = scene.usable[:, j]
+            ahead = _next_ahead(scene, j)
+            clear = use & (ahead > FREE_GAP_M) & (scene.speed[:, j] > 5.0)
+            free.append(np.column_stack([scene.speed[clear, j], scene.accel[clear, j]]))
+            track.append(np.full(int(clear.sum()), 1000 * number + j))
+            for lane in np.unique(scene.lane[use, j]):
+                there = use & (scene.lane[:, j] == lane) & (scene.speed[:, j] > 3.0)
+                if there.sum() >= 60:
+                    o, u = offset[there, j], sideways[there, j]
+                    lateral.append([there.sum(), o.var(), np.mean(u**2)])
+    return Evidence(following, np.concatenate(free), np.concatenate(track), np.array(lateral))
+
+
+def _next_ahead(scene: Scene, j: int) -> np.ndarray:
+    """Bumper gap (F,) to the next vehicle ahead in the same lane, inf if none is recorded."""
+    same = (scene.lane == scene.lane[:, j : j + 1]) & (scene.station > scene.station[:, j : j + 1])
+    free = scene.station - scene.station[:, j : j + 1] - 0.5 * (scene.length_m + scene.length_m[j])
+    return np.where(same, free, np.inf).min(axis=1)
+
+
+def fit(found: Evidence, start: Expert | None = None, rng: np.random.Generator | None = None) -> Expert:
+    """The expert fitted to the evidence, or to a bootstrap resample of its drivers if `rng` is given."""
+    following, lateral, free = found.following, found.lateral, found.free
+    if rng is not None:
+        following = following[rng.integers(0, len(following), len(following))]
+        lateral = lateral[rng.integers(0, len(lateral), len(lateral))]
+        tracks, inverse = np.unique(found.free_track, return_inverse=True)
+        count = np.bincount(rng.integers(0, len(tracks), len(tracks)), minlength=len(tracks))
+        free = np.repeat(free, count[inverse], axis=0)
+    expert = _fit_free(start or Expert(), free)
+    # the median driver: lane changes inflate a mean; it is what the recordings call lane keeping
+    offset_sd = float(np.sqrt(np.median(lateral[:, 1])))
+    rate = float(np.sqrt(np.median(lateral[:, 2]) / np.median(lateral[:, 1])))
+    expert = replace(expert, lateral_rate_per_s=rate, offset_sd_m=offset_sd)
+    return _fit_following(expert, following, 60 if start is not None else 300)
+
+
+def _fit_free(expert: Expert, free: np.ndarray) -> Expert:
+    """FREE and v0 from mean accelerations; acceleration is linear in FREE and FREE / v0^4."""
+    v, a = free.T
+    design = np.column_stack([np.ones_like(v), -(v**4)])
+    (f, ratio), *_ = np.linalg.lstsq(design, a, rcond=None)
+    f = float(np.clip(f, 0.1, 2.0))
+    v0 = float(np.clip((f / max(ratio, 1e-9)) ** 0.25, 15.0, 30.0))
+    sd = float((a - f * (1.0 - (v / v0) ** 4)).std())
+    return replace(expert, free_mps2=f, desired_speed_mps=v0, acceleration_noise_mps2=sd)
+
+
+def _fit_following(expert: Expert, following: np.ndarray, evaluations: int) -> Expert:
+    names = ("time_headway_s", "interaction_mps2", "comfort_mps2")
+    low, high = np.log([0.3, 0.2, 0.7]), np.log([3.0, 4.0, 6.0])
+
+    def with_values(logs):
+        return replace(expert, **dict(zip(names, np.exp(np.clip(logs, low, high)).tolist(), strict=True)))
+
+    def loss(logs):
+        outside = np.sum(np.square(logs - np.clip(logs, low, high)))
+        return _spacing_error(with_values(logs), following) + outside
+
+    first = np.log([getattr(expert, name) for name in names])
+    found = minimize(loss, first, method="Nelder-Mead", options={"maxfev": evaluations, "xatol": 1e-3})
+    return with_values(found.x)
+
+
+def _spacing_error(expert: Expert, following: np.ndarray) -> float:
+    """Mean square of log(simulated gap / recorded gap) when the follower is simulated from its first row."""
+    gap, v = following[:, 0, 0].copy(), following[:, 0, 1].copy()
+    total, count = 0.0, 0
+    for k in range(1, following.shape[1]):
+        recorded, lead = following[:, k, 0], following[:, k, 2]
+        accel = expert.free_mps2 * (1.0 - (v / expert.desired_speed_mps) ** 4)
+        accel = accel - _interaction(expert, v, gap, v - following[:, k - 1, 2])
+        new = np.maximum(v + np.clip(accel, -8.0, 4.0) * DT_S, 0.0)
+        gap = np.maximum(gap + DT_S * (0.5 * (lead + following[:, k - 1, 2]) - 0.5 * (v + new)), 0.1)
+        v = new
+        here = np.isfinite(recorded) & (recorded > 0.5)
+        total += float(np.sum(np.log(gap[here] / recorded[here]) ** 2))
+        count += int(here.sum())
+    return total / count
