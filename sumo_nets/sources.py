@@ -27,7 +27,11 @@ RAMP_SPEED_MPS = 24.59  # OpenStreetMap maxspeed of the Powell Street on-ramp
 NET_OFFSET = (-561500.0, -4187500.0)  # added to UTM 10N metres
 LENGTH_M = 2051.0  # the corridor of whole metres read from the built net has 2050 m
 SMOOTHING_M = 150.0  # undulations of the drawn lines shorter than this are taken out
-POINT_STEP_M = 5.0  # vertex spacing in the net; the chord error at the sharpest curve is 6 mm
+# SUMO's moveToXY looks at every vertex of every lane of the edges nearby, so a world that places vehicles each step
+# is as fast as edges are short and vertices few (deploy/decisions/0001-i80-geometry.md has the measurement).
+EDGE_M = 105.0  # the mainline's edges are no longer than this
+CHORD_ERROR_M = 0.03  # a lane's polyline may cut its curve by this much
+RAMP_POINT_STEP_M = 20.0  # vertex spacing on the ramps
 
 # Stations of the cross-section's changes, read off the CAD lines (see the decision record).
 JOIN_START_M = 1470.0  # here the road leaves the CAD lines ...
@@ -142,17 +146,48 @@ def _part(curve: Curve, reference: Curve, station_m: float, before: bool) -> np.
     s, _ = reference.project(curve.x, curve.y)
     points = np.column_stack([curve.x, curve.y])
     inside = s < station_m - 0.5 if before else s > station_m + 0.5
-    return points[inside][:: int(POINT_STEP_M)]
+    return points[inside][:: int(RAMP_POINT_STEP_M)]
 
 
-MAINLINE = (  # edge, from station, to station, lanes
-    ("i80_south", 0.0, MERGE_M, LANES),
-    ("i80_powell_merge", MERGE_M, MERGE_END_M, LANES + 1),
-    ("i80_middle", MERGE_END_M, DIVERGE_START_M, LANES),
-    ("i80_ashby_diverge", DIVERGE_START_M, DIVERGE_M, LANES + 1),
-    ("i80_north", DIVERGE_M, LENGTH_M, LANES),
+SECTIONS = (  # section, from station, to station, lanes, the node at its end
+    ("i80_south", 0.0, MERGE_M, LANES, "powell_gore"),
+    ("i80_powell_merge", MERGE_M, MERGE_END_M, LANES + 1, "powell_lane_end"),
+    ("i80_middle", MERGE_END_M, DIVERGE_START_M, LANES, "ashby_lane_start"),
+    ("i80_ashby_diverge", DIVERGE_START_M, DIVERGE_M, LANES + 1, "ashby_gore"),
+    ("i80_north", DIVERGE_M, LENGTH_M, LANES, "north_end"),
 )
-NODES = ("south_end", "powell_gore", "powell_lane_end", "ashby_lane_start", "ashby_gore", "north_end")
+
+
+@dataclass(frozen=True)
+class Piece:
+    """An edge of the mainline."""
+
+    edge: str
+    start_m: float
+    end_m: float
+    lanes: int
+    from_node: str
+    to_node: str
+
+
+def _mainline() -> tuple[Piece, ...]:
+    pieces: list[Piece] = []
+    for section, start, end, lanes, node in SECTIONS:
+        cuts = np.linspace(start, end, int(np.ceil((end - start) / EDGE_M)) + 1)
+        for i, (a, b) in enumerate(pairwise(cuts.tolist()), 1):
+            name = section if len(cuts) == 2 else f"{section}_{i}"
+            before = pieces[-1].to_node if pieces else "south_end"
+            after = node if b == end else f"{name}_joint"
+            pieces.append(Piece(name, a, b, lanes, before, after))
+    return tuple(pieces)
+
+
+MAINLINE = _mainline()
+BEFORE_ASHBY = next(piece for piece in MAINLINE if piece.to_node == "ashby_lane_start")
+MERGE = next(piece for piece in MAINLINE if piece.from_node == "powell_gore")
+DIVERGE = next(piece for piece in MAINLINE if piece.to_node == "ashby_gore")
+AFTER_ASHBY_LANE = next(piece for piece in MAINLINE if piece.from_node == "ashby_lane_start")
+DEAD_ENDS = ("south_end", "north_end", "powell_start", "ashby_end")
 
 
 def plain_xml(road: Road) -> dict[str, str]:
@@ -161,8 +196,17 @@ def plain_xml(road: Road) -> dict[str, str]:
 
 
 def _left_border(road: Road, start: float, end: float) -> np.ndarray:
-    stations = np.linspace(start, end, max(2, round((end - start) / POINT_STEP_M) + 1))
-    return np.column_stack(road.reference.to_xy(stations, LANES / 2 * LANE_WIDTH_M)[:2])
+    """Few vertices whose chords stay within CHORD_ERROR_M of the border."""
+    vertices = 2
+    while True:
+        stations = np.linspace(start, end, vertices)
+        middles = 0.5 * (stations[1:] + stations[:-1])
+        x, y, _ = road.reference.to_xy(stations, LANES / 2 * LANE_WIDTH_M)
+        mx, my, _ = road.reference.to_xy(middles, LANES / 2 * LANE_WIDTH_M)
+        error = np.hypot(mx - 0.5 * (x[1:] + x[:-1]), my - 0.5 * (y[1:] + y[:-1]))
+        if error.max() <= CHORD_ERROR_M:
+            return np.column_stack([x, y])
+        vertices += 1
 
 
 def _shape(points: np.ndarray) -> str:
@@ -170,9 +214,9 @@ def _shape(points: np.ndarray) -> str:
 
 
 def _nodes(road: Road) -> str:
-    stations = [0.0, *(end for _, _, end, _ in MAINLINE)]
+    stations = [0.0, *(piece.end_m for piece in MAINLINE)]
     x, y, _ = road.reference.to_xy(np.array(stations), LANES / 2 * LANE_WIDTH_M)
-    rows = [*zip(NODES, x, y, strict=True)]
+    rows = [*zip(["south_end", *(piece.to_node for piece in MAINLINE)], x, y, strict=True)]
     rows += [("powell_start", *road.on_ramp[0]), ("ashby_end", *road.off_ramp[-1])]
     offset = ",".join(f"{v:.2f}" for v in NET_OFFSET)
     corners = np.array([[r[1], r[2]] for r in rows])
@@ -182,20 +226,21 @@ def _nodes(road: Road) -> str:
         f' projParameter="{PROJ}"/>'
     ]
     for name, east, north in rows:
-        kind = "dead_end" if name.endswith(("_end", "_start")) and "lane" not in name else "priority"
+        kind = "dead_end" if name in DEAD_ENDS else "priority"
         lines.append(f'    <node id="{name}" x="{east:.4f}" y="{north:.4f}" type="{kind}"/>')
     return _document("nodes", lines)
 
 
 def _edges(road: Road) -> str:
     lines = []
-    for (name, start, end, lanes), a, b in zip(MAINLINE, NODES[:-1], NODES[1:], strict=True):
+    for piece in MAINLINE:
         lines.append(
-            f'    <edge id="{name}" from="{a}" to="{b}" priority="14" type="highway.motorway"'
-            f' numLanes="{lanes}" speed="{SPEED_MPS}" width="{LANE_WIDTH_M}" spreadType="right"'
-            f' disallow="{GENERAL_DISALLOW}" shape="{_shape(_left_border(road, start, end))}">'
+            f'    <edge id="{piece.edge}" from="{piece.from_node}" to="{piece.to_node}" priority="14"'
+            f' type="highway.motorway" numLanes="{piece.lanes}" speed="{SPEED_MPS}" width="{LANE_WIDTH_M}"'
+            f' spreadType="right" disallow="{GENERAL_DISALLOW}"'
+            f' shape="{_shape(_left_border(road, piece.start_m, piece.end_m))}">'
         )
-        lines.append(f'        <lane index="{lanes - 1}" allow="{HOV_ALLOW}"/>')
+        lines.append(f'        <lane index="{piece.lanes - 1}" allow="{HOV_ALLOW}"/>')
         lines.append("    </edge>")
     for name, a, b, points in (
         ("powell_on_ramp", "powell_start", "powell_gore", road.on_ramp),
@@ -211,12 +256,13 @@ def _edges(road: Road) -> str:
 
 def _connections() -> str:
     lines = []
-    for (a, _, _, lanes_a), (b, _, _, lanes_b) in pairwise(MAINLINE):
-        for lane in range(LANES):
-            lines.append(_connection(a, b, lane + lanes_a - LANES, lane + lanes_b - LANES))
-    lines.append(_connection("i80_middle", "i80_ashby_diverge", 0, 0))
-    lines.append(_connection("powell_on_ramp", "i80_powell_merge", 0, 0))
-    lines.append(_connection("i80_ashby_diverge", "ashby_off_ramp", 0, 0))
+    for a, b in pairwise(MAINLINE):
+        shared = min(a.lanes, b.lanes) if a.lanes == b.lanes else LANES
+        for lane in range(shared):
+            lines.append(_connection(a.edge, b.edge, lane + a.lanes - shared, lane + b.lanes - shared))
+    lines.append(_connection(BEFORE_ASHBY.edge, AFTER_ASHBY_LANE.edge, 0, 0))
+    lines.append(_connection("powell_on_ramp", MERGE.edge, 0, 0))
+    lines.append(_connection(DIVERGE.edge, "ashby_off_ramp", 0, 0))
     return _document("connections", lines)
 
 
@@ -248,7 +294,7 @@ def description() -> dict:
         aside = abs(lane - 3) * (LANE_WIDTH_M - 3.2)
         comparisons.append(_tolerance(line, lane, joined, LENGTH_M, *(aside + t for t in (0.2, 0.3, 0.4))))
     return {
-        "edges": [edge for edge, *_ in MAINLINE],
+        "edges": [piece.edge for piece in MAINLINE],
         "expected": {
             "length_m": [2000.0, 2100.0],
             "lanes": [LANES, LANES + 1],
@@ -257,7 +303,7 @@ def description() -> dict:
             "max_heading_step_rad_per_m": 1.0 / 400.0,
             "max_curvature_step_per_m2": 1e-4,
             "max_boundary_step_m_per_m": 0.001,
-            "max_offset_from_net_m": 0.02,
+            "max_offset_from_net_m": 0.05,
             "comparisons": comparisons,
         },
     }

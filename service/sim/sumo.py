@@ -25,6 +25,7 @@ from service.errors import SimulationError
 from sumo_nets.corridor import Corridor
 
 EXACT = 2  # keepRoute of moveToXY: place the vehicle exactly, whatever the lane
+MATCH_WITHIN_M = 10.0  # lanes further from a vehicle than this are not looked at when it is placed
 UNCHECKED = 0  # speed and lane-change modes: SUMO adds no rules of its own to controlled vehicles
 CONTROLLED_CLASS = "hov"  # may use every lane
 ROUTE = "corridor"
@@ -145,7 +146,7 @@ class SumoSession:
                 gone = True
                 continue
             edge, lane = hints[int(hint)]
-            move(name, edge, lane, x, y, angle, EXACT)
+            move(name, edge, lane, x, y, angle, EXACT, MATCH_WITHIN_M)
         if gone:
             self._remove_gone(rows)
         libsumo.simulationStep()
