@@ -17,6 +17,7 @@ from ce.errors import (
 from ce.naive import Naive, NaiveOptions
 from ce.normal import Normal
 from ce.product import Product
+from ce.protocol import Algorithm
 from ce.results import Condition, Curve, Estimate, FailedRollout, Trace, variance_ratio
 from ce.run import METHODS, algorithm, estimate, general_options
 from ce.state import Batch, CrossEntropyState, EstimationRecord, NaiveState, TrainingRecord, to_bytes
@@ -24,6 +25,7 @@ from ce.streams import draw
 
 __all__ = [
     "METHODS",
+    "Algorithm",
     "Batch",
     "Beta",
     "BudgetError",

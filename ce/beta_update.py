@@ -67,7 +67,7 @@ def _derivatives(theta: Array, target: Array) -> tuple[Array, Array, Array, Arra
     return gradient, polygamma(1, theta[0]) - both1, -both1, polygamma(1, theta[1]) - both1
 
 
-def _newton_step(gradient: Array, h00: Array, h01: Array, h11: Array, held: Array) -> Array:
+def _newton_step(gradient: Array, h00: Array, h01: Array, h11: Array, held: NDArray[np.bool_]) -> Array:
     """-H^{-1} g in the coordinates not held, 0 in those held; all (2, m)."""
     coupled = ~held.any(axis=0)
     off = np.where(coupled, h01, 0.0)

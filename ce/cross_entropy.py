@@ -51,7 +51,7 @@ class CrossEntropyOptions:
     """Options of Algorithm 1. The constraints' defaults are the paper's (section 4).
 
     iterations: K; samples_per_iteration: N_k; estimation_rollouts: fresh rollouts at most. Those left at
-    None are filled from budget, the total (see `resolved`); given together with budget they must fit into
+    None are filled from budget, the total (see `sizes`); given together with budget they must fit into
     it. rho: quantile level; step: alpha, in (0, 1]. beta_bounds: of alpha and beta of every Beta; mean_box:
     |mu - mu0|_inf of every Normal in its own units, None for no bound; learn_covariance: move the Normals'
     covariances too (low dimensions only, needs mean_box = None). stop_when_reached: leave the search as
@@ -108,11 +108,11 @@ class CrossEntropyOptions:
                     f"the cross-entropy method needs a budget of at least {LEAST_BUDGET}, not {self.budget}"
                 )
 
-    def resolved(self) -> "CrossEntropyOptions":
-        """The same with every None among the sizes filled in.
+    def sizes(self) -> tuple[int, int, int]:
+        """K, N_k and n, with every None filled in; BudgetError where they do not fit.
 
-        From a budget (100,000 if none is given): K = 10 (5 below 10,000), N_k such that the search takes
-        two fifths, and the rest for the estimate.
+        From a budget (100,000 if none is given): K = 10 (5 below 10,000), N_k such that the search takes two
+        fifths, and the rest for the estimate.
         """
         budget = 100_000 if self.budget is None else self.budget
         iterations = self.iterations or (10 if budget >= 10_000 else 5)
@@ -125,11 +125,15 @@ class CrossEntropyOptions:
         total = iterations * per_iteration + estimation
         if estimation < 1 or per_iteration < 10 or (self.budget is not None and total > self.budget):
             raise BudgetError(
-                f"{iterations} iterations of {per_iteration} rollouts and {estimation} for the "
-                "estimate do not fit into "
-                f"a budget of {budget}: raise the budget or lower iterations, samples_per_iteration, "
-                "estimation_rollouts"
+                f"{iterations} iterations of {per_iteration} rollouts and {estimation} for the estimate do not "
+                f"fit into a budget of {budget}: raise the budget, or lower iterations, "
+                "samples_per_iteration or estimation_rollouts"
             )
+        return iterations, per_iteration, estimation
+
+    def resolved(self) -> "CrossEntropyOptions":
+        """The same with the sizes filled in."""
+        iterations, per_iteration, estimation = self.sizes()
         return replace(
             self, iterations=iterations, samples_per_iteration=per_iteration, estimation_rollouts=estimation
         )
@@ -163,8 +167,8 @@ class CrossEntropy:
     @property
     def total_rollouts(self) -> int:
         """Rollouts at most, training included."""
-        o = self.options
-        return o.iterations * o.samples_per_iteration + o.estimation_rollouts
+        iterations, per_iteration, estimation = self.options.sizes()
+        return iterations * per_iteration + estimation
 
     # -- ask and tell ----------------------------------------------------------------------------------------
 
@@ -246,7 +250,7 @@ class CrossEntropy:
 
     def _rows(self, state: CrossEntropyState) -> tuple[int, int]:
         if state.phase != "estimate":
-            return 0, self.options.samples_per_iteration
+            return 0, self.options.sizes()[1]
         return state.f.size, min(state.f.size + self.options.batch_size, state.look_at)
 
     def _search_step(
@@ -287,8 +291,9 @@ class CrossEntropy:
         if quantile < best_quantile:
             best, best_quantile = state.parameters, quantile
         k = state.iteration + 1
-        over = k == o.iterations or (o.stop_when_reached and quantile <= self.gamma)
-        look_at = o.estimation_rollouts if o.rel_error is None else min(o.batch_size, o.estimation_rollouts)
+        iterations, _, estimation = o.sizes()
+        over = k == iterations or (o.stop_when_reached and quantile <= self.gamma)
+        look_at = estimation if o.rel_error is None else min(o.batch_size, estimation)
         failed = tuple((state.iteration, int(i)) for i in np.flatnonzero(np.isnan(f)))
         after = CrossEntropyState(
             digest=state.digest,
@@ -335,7 +340,7 @@ class CrossEntropy:
         )
         est = self.estimate(after)
         if after.f.size >= state.look_at:
-            look_at, done = next_look(est, after.f.size, o.estimation_rollouts, o.batch_size)
+            look_at, done = next_look(est, after.f.size, o.sizes()[2], o.batch_size)
             after = _replaced(after, look_at=look_at, phase="done" if done else "estimate")
         return after, record_of(est)
 

@@ -58,9 +58,7 @@ class Normal:
             raise FamilyError(f"mean must be {self.mean.shape} finite numbers")
         other = object.__new__(Normal)
         other._set(np.array(mean), self.cov, self.factor)
-        # The correlator depends on the covariance alone.
-        if "correlator" in self.__dict__:
-            other.__dict__["correlator"] = self.__dict__["correlator"]
+        other.__dict__["correlator"] = self.correlator  # it depends on the covariance alone
         return other
 
     @functools.cached_property
@@ -78,9 +76,6 @@ class Normal:
 
     def log_density(self, x: Array) -> Array:
         """log p, (n,), of x (n, d)."""
-        return self._log_density_and_white(x)
-
-    def _log_density_and_white(self, x: Array) -> Array:
         white = solve_triangular(self.factor, (x - self.mean).T, lower=True)
         constant = 0.5 * self.dim * np.log(2 * np.pi) + np.sum(np.log(np.diagonal(self.factor)))
         return -0.5 * np.sum(white**2, axis=0) - constant

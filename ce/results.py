@@ -138,7 +138,7 @@ class Estimate:
 
     @functools.cached_property
     def max_weight_share(self) -> float:
-        w = self._sorted[1][: self.events]
+        w = self._below(self.gamma)[1]
         return float(w.max() / w.sum()) if w.size else 0.0
 
     @property
@@ -179,16 +179,18 @@ class Estimate:
     # -- many thresholds, many prefixes ----------------------------------------------------------------------
 
     @functools.cached_property
-    def _sorted(self) -> tuple[Array, Array, Array]:
-        """f without failures ascending, the weights beside it, and the weights of the failures.
+    def _weights(self) -> Array:
+        return np.ones(self.f.size) if self.log_weights is None else np.exp(self.log_weights)
+
+    def _below(self, limit: float) -> tuple[Array, Array]:
+        """f <= limit ascending, and the weights beside it.
 
         Ties in f are ordered by weight, so that sums do not depend on the order of the rollouts.
         """
-        w = np.ones(self.f.size) if self.log_weights is None else np.exp(self.log_weights)
-        failed = np.isnan(self.f)
-        f, w_ok = self.f[~failed], w[~failed]
-        order = np.lexsort((w_ok, f))
-        return f[order], w_ok[order], np.sort(w[failed])
+        below = self.f <= limit
+        f, w = self.f[below], self._weights[below]
+        order = np.lexsort((w, f))
+        return f[order], w[order]
 
     def curve(self, gammas: ArrayLike) -> Curve:
         """p, standard error and pointwise interval at each threshold (m,), from the same rollouts.
@@ -197,14 +199,23 @@ class Estimate:
         honest, intervals.
         """
         gammas = np.atleast_1d(np.asarray(gammas, dtype=np.float64))
-        f, w, w_failed = self._sorted
+        f, w = self._below(np.max(gammas, initial=-math.inf))
+        w_failed = np.sort(self._weights[np.isnan(self.f)])
         counts = np.searchsorted(f, gammas, side="right").astype(np.int64)
         sums = np.array([w[:k].sum() for k in counts])
         squares = np.array([np.sum(w[:k] ** 2) for k in counts])
         largest = np.array([w[:k].max() if k else 0.0 for k in counts])
         k = np.array([math.nan if self.log_weights is None else pareto_k(w[:k]) for k in counts])
         p, std_error, low, high = self._interval(
-            self.f.size, counts, sums, squares, largest, w_failed, np.max(w, initial=1.0), gammas, k
+            self.f.size,
+            counts,
+            sums,
+            squares,
+            largest,
+            w_failed,
+            np.max(self._weights, initial=1.0),
+            gammas,
+            k,
         )
         ess = np.where(squares > 0, sums**2 / np.where(squares > 0, squares, 1.0), 0.0)
         return Curve(gammas, p, std_error, low, high, counts, ess, k)
@@ -218,7 +229,7 @@ class Estimate:
             empty = np.zeros(0)
             return Trace(np.zeros(0, dtype=np.int64), empty, empty, empty, empty)
         at = np.unique(np.geomspace(min(10, n), n, points).round().astype(np.int64))
-        w = np.ones(n) if self.log_weights is None else np.exp(self.log_weights)
+        w = self._weights
         event = np.where(self.f <= self.gamma, w, 0.0)
         any_weight = np.maximum.accumulate(np.maximum(w, 1.0))
         failed = np.where(np.isnan(self.f), w, 0.0)

@@ -10,6 +10,7 @@ from ce.cross_entropy import LEAST_BUDGET, CrossEntropy, CrossEntropyOptions
 from ce.errors import OptionsError
 from ce.naive import Naive, NaiveOptions
 from ce.product import Product
+from ce.protocol import Algorithm
 from ce.results import Estimate
 from ce.streams import checked_seed
 
@@ -19,10 +20,8 @@ COMMON = 0.01  # share of events in the pilot from which naive Monte Carlo is ta
 Options = NaiveOptions | CrossEntropyOptions
 
 
-def algorithm(name: str, base: Product, gamma: float, options: Options | None = None) -> Naive | CrossEntropy:
-    """The algorithm "naive" or "ce" for p = P0(f(X) <= gamma), with its own kind of options (None: the
-    defaults).
-    """
+def algorithm(name: str, base: Product, gamma: float, options: Options | None = None) -> Algorithm:
+    """The algorithm "naive" or "ce" for p = P0(f(X) <= gamma). options: of its own kind, None = defaults."""
     kinds = {"naive": (Naive, NaiveOptions), "ce": (CrossEntropy, CrossEntropyOptions)}
     if name not in kinds:
         raise OptionsError(f"method must be one of {', '.join(METHODS)}, not {name!r}")
@@ -34,9 +33,10 @@ def algorithm(name: str, base: Product, gamma: float, options: Options | None = 
     return make(base, gamma, options)
 
 
-def general_options(budget: int = 100_000, rel_error: float | None = None, confidence: float = 0.95):
-    """Cross-entropy options for a problem of which nothing is known: no box on the means, wide bounds on
-    the Betas.
+def general_options(
+    budget: int = 100_000, rel_error: float | None = None, confidence: float = 0.95
+) -> CrossEntropyOptions:
+    """Cross-entropy options where nothing is known of the problem: wide bounds, means free, KL limited.
 
     The paper's constraint set (the defaults of CrossEntropyOptions) is made for its driver model's weights.
     """
@@ -80,7 +80,7 @@ def estimate(
     return _run(f, algorithm(method, base, gamma, options), seed)
 
 
-def _run(f, chosen: Naive | CrossEntropy, seed: int) -> Estimate:
+def _run(f, chosen: Algorithm, seed: int) -> Estimate:
     state = chosen.init(seed)
     while (batch := chosen.propose(state)) is not None:
         state, _ = chosen.update(state, batch, f(batch.x))

@@ -136,6 +136,7 @@ def to_bytes(state: NaiveState | CrossEntropyState) -> bytes:
 
 def from_bytes(data: bytes, kind: type, digest: str) -> Any:
     """The state of that kind, checked to belong to the problem with that digest; StateError otherwise."""
+    state: Any
     try:
         state = msgspec.msgpack.decode(data, type=kind, dec_hook=_decode_array)
     except (msgspec.MsgspecError, KeyError, TypeError, ValueError) as error:

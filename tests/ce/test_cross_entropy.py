@@ -34,7 +34,7 @@ def free(budget, **more):
         (CORRELATED, free(20_000, learn_covariance=True, rho=0.05), 10),
         (BETAS, free(20_000, beta_bounds=(0.2, 50.0), rho=0.05), 20),
         (BETAS, ce.CrossEntropyOptions(budget=40_000), 10),
-        (LINEAR_404, free(30_000, iterations=4, rho=0.1, max_kl=6.0, estimation_rollouts=10_000), 6),
+        (LINEAR_404, free(30_000, iterations=4, rho=0.1, max_kl=6.0, estimation_rollouts=10_000), 4),
     ],
     ids=["linear", "correlated", "learned covariance", "betas", "betas in the paper's bounds", "d=404"],
 )
