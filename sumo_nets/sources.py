@@ -30,7 +30,7 @@ SMOOTHING_M = 150.0  # undulations of the drawn lines shorter than this are take
 # SUMO's moveToXY looks at every vertex of every lane of the edges nearby, so a world that places vehicles each step
 # is as fast as edges are short and vertices few (deploy/decisions/0001-i80-geometry.md has the measurement).
 EDGE_M = 105.0  # the mainline's edges are no longer than this
-CHORD_ERROR_M = 0.03  # a lane's polyline may cut its curve by this much
+CHORD_M = 21.0  # vertex spacing: ripples of this length are taken out when the lanes are read (chain.SMOOTHING_M)
 RAMP_POINT_STEP_M = 20.0  # vertex spacing on the ramps
 
 # Stations of the cross-section's changes, read off the CAD lines (see the decision record).
@@ -196,17 +196,8 @@ def plain_xml(road: Road) -> dict[str, str]:
 
 
 def _left_border(road: Road, start: float, end: float) -> np.ndarray:
-    """Few vertices whose chords stay within CHORD_ERROR_M of the border."""
-    vertices = 2
-    while True:
-        stations = np.linspace(start, end, vertices)
-        middles = 0.5 * (stations[1:] + stations[:-1])
-        x, y, _ = road.reference.to_xy(stations, LANES / 2 * LANE_WIDTH_M)
-        mx, my, _ = road.reference.to_xy(middles, LANES / 2 * LANE_WIDTH_M)
-        error = np.hypot(mx - 0.5 * (x[1:] + x[:-1]), my - 0.5 * (y[1:] + y[:-1]))
-        if error.max() <= CHORD_ERROR_M:
-            return np.column_stack([x, y])
-        vertices += 1
+    stations = np.linspace(start, end, int(np.ceil((end - start) / CHORD_M)) + 1)
+    return np.column_stack(road.reference.to_xy(stations, LANES / 2 * LANE_WIDTH_M)[:2])
 
 
 def _shape(points: np.ndarray) -> str:
@@ -303,7 +294,7 @@ def description() -> dict:
             "max_heading_step_rad_per_m": 1.0 / 400.0,
             "max_curvature_step_per_m2": 1e-4,
             "max_boundary_step_m_per_m": 0.001,
-            "max_offset_from_net_m": 0.05,
+            "max_offset_from_net_m": 0.1,
             "comparisons": comparisons,
         },
     }
