@@ -11,12 +11,15 @@ conditions directly, and the result is clipped, so it is feasible exactly and op
 """
 
 import functools
+from typing import TYPE_CHECKING
 
-import cvxpy as cp
 import numpy as np
 from numpy.typing import NDArray
 
 from ce.normal import Normal
+
+if TYPE_CHECKING:
+    import cvxpy as cp
 
 Array = NDArray[np.float64]
 
@@ -36,7 +39,10 @@ class BoxedMean:
         return white.T @ white
 
     @functools.cached_property
-    def _programme(self) -> tuple[cp.Problem, cp.Variable, cp.Parameter, float]:
+    def _programme(self) -> tuple["cp.Problem", "cp.Variable", "cp.Parameter", float]:
+        # Imported here because it takes a second, and workers, which only draw, never come here.
+        import cvxpy as cp
+
         # In s = (mu - mu0) / box the bounds are +-1; the scale brings the objective's curvature to order 1.
         scale = 1.0 / float(np.mean(np.diagonal(self._precision)))
         s, linear = cp.Variable(self._base.dim), cp.Parameter(self._base.dim)
@@ -52,7 +58,7 @@ class BoxedMean:
         problem, s, linear, scale = self._programme
         linear.value = scale * (self._precision @ wanted)
         problem.solve(
-            solver=cp.OSQP,
+            solver="OSQP",
             warm_start=False,
             eps_abs=1e-6,
             eps_rel=1e-6,

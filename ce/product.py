@@ -5,8 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import beta as beta_distribution
-from scipy.stats import norm as normal_distribution
+from scipy.special import betaln, xlog1py, xlogy
 
 from ce.beta import Beta, BetaColumns
 from ce.errors import FamilyError
@@ -154,8 +153,15 @@ class Product:
         block, j = self._locate(i)
         grid = np.asarray(grid, dtype=np.float64)
         if isinstance(block, Beta):
-            return beta_distribution.pdf(grid, block.alpha, block.beta, block.low, block.high - block.low)
-        return normal_distribution.pdf(grid, block.mean[j], np.sqrt(block.cov[j, j]))
+            width = block.high - block.low
+            u = np.clip((grid - block.low) / width, 0.0, 1.0)
+            log_pdf = (
+                xlogy(block.alpha - 1, u) + xlog1py(block.beta - 1, -u) - betaln(block.alpha, block.beta)
+            )
+            inside = (grid >= block.low) & (grid <= block.high)
+            return np.where(inside, np.exp(log_pdf) / width, 0.0)
+        deviation = np.sqrt(block.cov[j, j])
+        return np.exp(-0.5 * ((grid - block.mean[j]) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
 
     def marginal_range(self, i: int) -> tuple[float, float]:
         """Where coordinate i is worth plotting: the interval of a Beta, mean +- 4 deviations of a Normal."""

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy import stats
 
 import ce
 
@@ -53,6 +54,12 @@ def test_parameters_go_out_and_back_to_the_bit(product):
         np.testing.assert_array_equal(p.parameters(True), product.parameters(True))
         assert p.names == product.names
     assert wide.normals[0][1].factor is product.normals[0][1].factor
+
+
+def test_marginal_densities_agree_with_scipy(product):
+    grid = np.linspace(-2, 6, 33)
+    np.testing.assert_allclose(product.marginal_pdf(0, grid), stats.beta.pdf(grid, 2, 3, -1, 5), atol=1e-14)
+    np.testing.assert_allclose(product.marginal_pdf(1, grid), stats.norm.pdf(grid, 1, 2**0.5), atol=1e-14)
 
 
 def test_marginal_densities_integrate_to_one(product):
