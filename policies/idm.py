@@ -17,6 +17,7 @@ CORRIDOR_HALF_WIDTH_M = 1.8  # a beam's hit this close to the own path is a lead
 LATERAL_GAIN_PER_S2 = 0.3  # lateral acceleration wanted for a metre of offset
 LATERAL_DAMPING_PER_S = 1.0  # and for a metre per second of lateral speed
 STEERING_SPEED_FLOOR_MPS = 3.0
+HOLD_S = 0.1  # an action is held this long
 
 
 @kernel
@@ -72,5 +73,6 @@ def idm_action(observation: np.ndarray, desired_speed_mps: float) -> tuple[float
         share = wanted / max(gap, 0.1)
         interaction = share * share
     acceleration = MAXIMUM_ACCELERATION_MPS2 * (free - interaction)
-    acceleration = max(acceleration, -layout.MAX_DECELERATION_MPS2)
+    # braking ends at a standstill
+    acceleration = max(acceleration, -layout.MAX_DECELERATION_MPS2, -max(speed, 0.0) / HOLD_S)
     return acceleration, lane_keeping_turn_rate(observation)

@@ -1,0 +1,5 @@
+"""The command line: `tailroad COMMAND`."""
+
+from service.cli.main import main
+
+__all__ = ["main"]

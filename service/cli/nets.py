@@ -1,0 +1,57 @@
+"""`tailroad nets check|plot|build`"""
+
+import json
+import sys
+from pathlib import Path
+
+import click
+
+from sumo_nets.build import build_net, write_sources
+from sumo_nets.check import check as check_net
+from sumo_nets.plot import plot as plot_net
+
+EDGES = click.option(
+    "--edge", "edges", multiple=True, help="For your own network: the corridor's edges, in order."
+)
+
+
+@click.group()
+def command() -> None:
+    """Road networks."""
+
+
+@command.command()
+@click.argument("network", default="i80")
+@EDGES
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def check(network: str, edges: tuple[str, ...], as_json: bool) -> None:
+    """Check a network: length, lanes, smoothness, connections, and for i80 the distance to the surveyed lines."""
+    report = check_net(network, list(edges) or None)
+    click.echo(json.dumps(report.to_dict(), indent=2) if as_json else str(report))
+    if not report.passed:
+        sys.exit(2)
+
+
+@command.command()
+@click.argument("network", default="i80")
+@click.argument("png", type=click.Path(dir_okay=False, path_type=Path))
+@EDGES
+def plot(network: str, png: Path, edges: tuple[str, ...]) -> None:
+    """Draw a network to a PNG file."""
+    click.echo(plot_net(network, png, list(edges) or None))
+
+
+@command.command()
+@click.argument("network", default="i80")
+@click.option("--geometry", type=click.Path(exists=True, file_okay=False, path_type=Path),
+              help="Folder with the raw geometry: write the plain XML sources anew first.")  # fmt: skip
+@click.option("--netconvert", help="SUMO's netconvert.  [default: $NETCONVERT, or on the PATH]")
+@click.option(
+    "--out", type=click.Path(dir_okay=False, path_type=Path), help="Write the network here instead."
+)
+def build(network: str, geometry: Path | None, netconvert: str | None, out: Path | None) -> None:
+    """Build a network from its plain XML sources with SUMO's netconvert."""
+    if geometry is not None:
+        for path in write_sources(network, geometry):
+            click.echo(path)
+    click.echo(build_net(network, netconvert, out))

@@ -1,0 +1,74 @@
+"""`tailroad rollout`: one rollout, seen in every way."""
+
+import json
+from pathlib import Path
+
+import click
+
+import ce
+from service.cli.options import ego_option, json_option, require_folder, seed_option
+from service.errors import SimulationError
+from service.job import Problem, make_job
+from service.scenario import load_scenario
+from service.trace import record, write_table
+
+FILE = click.Path(dir_okay=False, path_type=Path)
+
+
+@click.command()
+@click.argument("scenario", default="i80")
+@ego_option()
+@seed_option()
+@click.option("--video", type=FILE, help="Top-down film (.mp4).")
+@click.option("--trace", "table", type=FILE, help="Every vehicle at every step (.parquet).")
+@click.option("--fcd", type=FILE, help="SUMO's floating-car data (.xml).")
+@json_option()
+def command(
+    scenario: str,
+    ego: str,
+    seed: int,
+    video: Path | None,
+    table: Path | None,
+    fcd: Path | None,
+    as_json: bool,
+) -> None:
+    """Run one rollout drawn from the base distribution of SCENARIO."""
+    for path, what in ((video, "--video"), (table, "--trace"), (fcd, "--fcd")):
+        require_folder(path, what)
+    problem = Problem(
+        make_job(load_scenario(scenario), ego, gamma=0.0, method="naive", seed=seed, options={})
+    )
+    x, noise = ce.draw(problem.base, seed, "estimate", 0, 0, 1)
+    with problem.simulator(fcd=fcd) as simulator:
+        trace = record(problem, simulator, x[0], int(noise[0]))
+    result = trace.rollout
+    if result.error is not None:
+        raise SimulationError(
+            f"the rollout failed: {result.error} (scenario {scenario}, ego {ego}, seed {seed})"
+        )
+    if table is not None:
+        write_table(trace, table)
+    if video is not None:
+        from service.video import write_video
+
+        write_video(trace, problem.corridor, video, title=f"{scenario}, ego {ego}, seed {seed}")
+    summary = {
+        "scenario": scenario,
+        "ego": ego,
+        "seed": seed,
+        "f": result.f if result.f < float("inf") else None,
+        "outcome": result.outcome,
+        "steps": result.steps,
+        "time_s": round(result.steps * problem.job.scenario.time.step_s, 3),
+        "ego_mean_speed_mps": float(trace.table().filter(ego=True)["speed_mps"].mean()),
+    }
+    if as_json:
+        click.echo(json.dumps(summary, indent=2))
+        return
+    click.echo(
+        f"{scenario}, ego {ego}, seed {seed}: {result.outcome} after {summary['time_s']:g} s, "
+        f"smallest time to collision {result.f:.3f} s, mean speed {summary['ego_mean_speed_mps']:.1f} m/s"
+    )
+    for path in (video, table, fcd):
+        if path is not None:
+            click.echo(path)

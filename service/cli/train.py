@@ -1,0 +1,27 @@
+"""`tailroad train drivers|ego-lidar`: needs the `train` extra (torch)."""
+
+import importlib
+import sys
+
+import click
+
+from service.errors import InputError
+
+SCRIPTS = {"drivers": "policies.training.drivers", "ego-lidar": "policies.training.ego_lidar"}
+
+
+@click.command(context_settings={"ignore_unknown_options": True, "help_option_names": []})
+@click.argument("what", type=click.Choice(list(SCRIPTS)))
+@click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+def command(what: str, arguments: tuple[str, ...]) -> None:
+    """Train the drivers or the lidar ego; `tailroad train WHAT --help` lists the script's own options."""
+    try:
+        script = importlib.import_module(SCRIPTS[what])
+    except ModuleNotFoundError as error:
+        if error.name not in ("torch", "sklearn"):
+            raise
+        raise InputError(
+            f"training needs {error.name}; install tailroad with its extra: tailroad[train]"
+        ) from error
+    sys.argv = [f"tailroad train {what}", *arguments]
+    script.main()
