@@ -64,8 +64,8 @@ def speed(scenario: Scenario, ego: str, rollouts: int, rounds: int = 5) -> dict[
             began = time.perf_counter()
             for recording in recordings:
                 sumo.begin(recording[0], 0)
-                for poses in recording[1:]:
-                    sumo.step(poses)
+                for placed in recording[1:]:
+                    sumo.step(placed)
             bare.append(time.perf_counter() - began)
     sim_s = steps * scenario.time.step_s
     ratio = float(np.median(np.array(full) / np.array(bare)))
@@ -142,7 +142,7 @@ def scaling(scenario: Scenario, ego: str, rollouts: int, counts: list[int]) -> l
     """Rollouts/s and efficiency of local pools with these numbers of workers; the first is the yardstick."""
     job: Job = make_job(scenario, ego, 0.0, "naive", 1, {})
     problem = Problem(job)
-    rows = []
+    rows: list[dict[str, float]] = []
     for workers in counts:
         x, noise = _draws(problem, rollouts * workers)
         size = 50

@@ -30,7 +30,7 @@ def _look_away(state: Any, record: ce.TrainingRecord | ce.EstimationRecord) -> N
 
 
 def evaluate(
-    algorithm: ce.Naive | ce.CrossEntropy, seed: int, run_batch: RunBatch, observe: Observe = _look_away
+    algorithm: ce.Algorithm, seed: int, run_batch: RunBatch, observe: Observe = _look_away
 ) -> ce.Estimate:
     """Estimate p = P0(f(X) <= gamma) with `algorithm`; `observe` is shown each new state and its record."""
     state = algorithm.init(seed)

@@ -84,7 +84,7 @@ class Problem:
         return base_distribution(self.job.scenario, self.drivers)
 
     @cached_property
-    def algorithm(self) -> ce.Naive | ce.CrossEntropy:
+    def algorithm(self) -> ce.Algorithm:
         job = self.job
         return ce.algorithm(job.method, self.base, job.gamma, _options(job.method, job.options))
 

@@ -15,6 +15,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import sqlalchemy as sa
+from sqlalchemy.dialects import sqlite
 
 from service.errors import StoreError
 from service.job import Job
@@ -127,7 +128,7 @@ class RunDirectory:
             "errors": msgspec.json.encode({str(k): v for k, v in chunk.errors.items()}).decode(),
             "worker_s": chunk.worker_s,
         }
-        statement = sa.dialects.sqlite.insert(_chunks).on_conflict_do_nothing()
+        statement = sqlite.insert(_chunks).on_conflict_do_nothing()
         try:
             with self._engine.begin() as connection:
                 connection.execute(statement, row)

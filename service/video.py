@@ -20,6 +20,7 @@ EGO_COLUMN = 0.42 * WIDTH
 PLOT = (60, 420, WIDTH - 40, HEIGHT - 40)  # left, top, right, bottom of the time-to-collision plot
 PLOT_TTC_S = 10.0
 DANGER_S = 1.5  # below this the ego is drawn in red: drivers perceive a conflict (Vogel 2003 uses 1 to 4 s)
+DASH_M, DASH_PERIOD_M = 4, 15  # about as California paints lane lines: 12 ft every 48 ft
 SHIFT = 4  # fractional bits of OpenCV's coordinates
 
 # blue, green, red
@@ -75,16 +76,13 @@ def _draw_road(image: np.ndarray, corridor: Corridor, start_m: float) -> None:
         [_pixel(s, corridor.road_left[k], start_m), _pixel(s, corridor.road_right[k], start_m)[::-1]]
     )
     cv2.fillPoly(image, [edges], ASPHALT, cv2.LINE_AA, SHIFT)
-    lanes = len(corridor.lane_left)
-    for lane in range(lanes):
-        for side, bounds in (("left", corridor.lane_left[lane]), ("right", corridor.lane_right[lane])):
-            if side == "right" and lane + 1 < lanes:
-                continue
-            solid = lane in (0, 1) or side == "right"  # road edge, HOV line, right edge
-            for a, b in pairwise(k.tolist()):
-                if math.isnan(bounds[a]) or math.isnan(bounds[b]) or not (solid or a % 12 < 4):
-                    continue
-                p, q = _pixel(corridor.station_m[[a, b]], bounds[[a, b]], start_m)
+    for edge in (corridor.road_left, corridor.road_right):
+        cv2.polylines(image, [_pixel(s, edge[k], start_m)], False, LINE, 1, cv2.LINE_AA, SHIFT)
+    for lane, left in enumerate(corridor.lane_left[1:], start=1):
+        for a, b in pairwise(k.tolist()):
+            painted = lane == 1 or a % DASH_PERIOD_M < DASH_M  # the line beside the HOV lane is solid
+            if painted and not (math.isnan(left[a]) or math.isnan(left[b])):
+                p, q = _pixel(corridor.station_m[[a, b]], left[[a, b]], start_m)
                 cv2.line(image, p.tolist(), q.tolist(), LINE, 1, cv2.LINE_AA, SHIFT)
 
 

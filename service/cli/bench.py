@@ -51,8 +51,14 @@ def _print(result: dict) -> None:
     speeds = Table("ego", "rollouts/s", "x real time", "us a step", "bare SUMO loop", "ratio",
                    title=f"{result['scenario']}, one core")  # fmt: skip
     for ego, m in result["egos"].items():
-        speeds.add_row(ego, f"{m['rollouts_per_s']:.0f}", f"{m['x_realtime']:.0f} (best {m['x_realtime_best']:.0f})",
-                       f"{m['us_per_step']:.1f}", f"{m['bare_us_per_step']:.1f} us", f"{m['ratio_to_bare']:.2f}")  # fmt: skip
+        speeds.add_row(
+            ego,
+            f"{m['rollouts_per_s']:.0f}",
+            f"{m['x_realtime']:.0f} (best {m['x_realtime_best']:.0f})",
+            f"{m['us_per_step']:.1f}",
+            f"{m['bare_us_per_step']:.1f} us",
+            f"{m['ratio_to_bare']:.2f}",
+        )
     console.print(speeds)
     parts = Table("us a step", *result["egos"])
     for part in next(iter(result["egos"].values()))["parts_us_per_step"]:
@@ -63,5 +69,7 @@ def _print(result: dict) -> None:
         scaling.add_row(str(row["workers"]), f"{row['rollouts_per_s']:.0f}", f"{row['efficiency']:.2f}")
     console.print(scaling)
     m = result["memory"]
-    console.print(f"memory of a worker: {m['after_200_mb']:.0f} MB after 200 rollouts, {m['after_all_mb']:.0f} MB after "
-                  f"{m['rollouts']:.0f}")  # fmt: skip
+    console.print(
+        f"memory of a worker: {m['after_200_mb']:.0f} MB after 200 rollouts, "
+        f"{m['after_all_mb']:.0f} MB after {m['rollouts']:.0f}"
+    )

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 import ce
+from service import agents as A
 from service.cli.options import ego_option, json_option, require_folder, seed_option
 from service.errors import SimulationError
 from service.job import Problem, make_job
@@ -60,7 +61,7 @@ def command(
         "outcome": result.outcome,
         "steps": result.steps,
         "time_s": round(result.steps * problem.job.scenario.time.step_s, 3),
-        "ego_mean_speed_mps": float(trace.table().filter(ego=True)["speed_mps"].mean()),
+        "ego_mean_speed_mps": float(trace.agents[:, trace.ego, A.SPEED_MPS].mean()),
     }
     if as_json:
         click.echo(json.dumps(summary, indent=2))

@@ -11,7 +11,7 @@ class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     pass
 
 
-class Beta(_Table, tag_field="distribution", tag="beta"):
+class Beta(_Table, frozen=True, tag_field="distribution", tag="beta"):
     """A Beta(alpha, beta) stretched to [low, high]."""
 
     alpha: float
@@ -20,27 +20,27 @@ class Beta(_Table, tag_field="distribution", tag="beta"):
     high: float
 
 
-class Network(_Table):
+class Network(_Table, frozen=True):
     road: str  # a built-in road ("i80"), or the path of a SUMO .net.xml, relative to the scenario's file
     edges: tuple[str, ...] = ()  # for a path: the edges of the corridor, from its start to its end
 
 
-class Time(_Table):
+class Time(_Table, frozen=True):
     horizon_s: float  # a rollout ends here at the latest
     step_s: float = 0.1
 
 
-class Drivers(_Table):
+class Drivers(_Table, frozen=True):
     weights: str = "drivers-bc"  # built-in weights, or the path of a .safetensors file
     noise: Literal["drawn", "frozen"] = "drawn"  # a stream for each rollout, or one stream for all
 
 
-class Safety(_Table):
+class Safety(_Table, frozen=True):
     measure: Literal["ttc"] = "ttc"
     rays: int = 20
 
 
-class Start(_Table):
+class Start(_Table, frozen=True):
     """Where vehicles start: distributions and sizes that hold for all, unless a vehicle says otherwise."""
 
     station_m: Beta
@@ -51,7 +51,7 @@ class Start(_Table):
     width_m: float = 1.8
 
 
-class Vehicle(_Table):
+class Vehicle(_Table, frozen=True):
     name: str
     lane: int  # 1 is the leftmost, as NGSIM counts
     role: Literal["ego", "environment"] = "environment"
@@ -63,14 +63,14 @@ class Vehicle(_Table):
     width_m: float | None = None
 
 
-class Background(_Table):
+class Background(_Table, frozen=True):
     """Traffic that SUMO drives around the controlled vehicles."""
 
     density_veh_per_km_lane: float
     speed_mps: float
 
 
-class Scenario(_Table):
+class Scenario(_Table, frozen=True):
     format: int
     name: str
     description: str

@@ -79,8 +79,9 @@ class Simulator:
             [vehicle.name for vehicle in scenario.vehicles],
             [(scenario.of(v, "length_m"), scenario.of(v, "width_m")) for v in scenario.vehicles],
             self._dt_s,
-            background=background
-            and BackgroundTraffic(
+            background=None
+            if background is None
+            else BackgroundTraffic(
                 background.density_veh_per_km_lane,
                 background.speed_mps,
                 min(s.low for s in stations),

@@ -1,0 +1,48 @@
+# tailroad: see README.md. Everything is installed into .venv; nothing outside this folder is changed.
+
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+
+.PHONY: help estimate test check bench format clean
+
+help:
+	@echo "make estimate   install what the main job needs, and run it (minutes)"
+	@echo "make test       install everything; format, lint, types, import contracts, tests"
+	@echo "make check      the same without the tests"
+	@echo "make bench      measure the world's speed beside the bare SUMO loop"
+	@echo "make format     put the sources into their form"
+
+estimate: $(VENV)/.installed
+	$(BIN)/tailroad estimate i80-10s --ego lidar --gamma 0.5 --method naive --method ce --budget 20000 --seed 1
+
+test: check
+	$(BIN)/python -m pytest
+
+check: $(VENV)/.installed-dev
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(VENV)/.installed
+	$(BIN)/tailroad bench --memory-rollouts 10000
+
+format: $(VENV)/.installed-dev
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info
+
+$(VENV)/bin/python:
+	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(None if v >= (3, 11) else "tailroad needs Python 3.11 or newer, not %d.%d; name one with make PYTHON=python3.12" % v[:2])'
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.installed: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e .
+	@touch $@
+
+$(VENV)/.installed-dev: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[train,dev]'
+	@touch $@ $(VENV)/.installed
