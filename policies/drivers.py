@@ -30,8 +30,8 @@ _SHAPES: dict[str, tuple[tuple[int, ...], type]] = {
     "sigma0": ((HEAD_SIZE, HEAD_SIZE), np.float64),
     "action_scale": ((2,), np.float64),
 }
-# Sigma0 is stored as its variances and a low-rank factor: sigma0 = diag(d) + factor factor^T.
-_STORED = ("w1", "b1", "w2", "b2", "mu0", "sigma0_diagonal", "sigma0_factor", "action_scale")
+_LOWER = "sigma0_lower"  # Sigma0 is symmetric: its lower triangle is stored, row by row
+_STORED = ("w1", "b1", "w2", "b2", "mu0", _LOWER, "action_scale")
 
 
 class WeightsError(ValueError):
@@ -74,36 +74,25 @@ def load_drivers(name_or_path: str | Path) -> DriverModel:
     missing = [key for key in _STORED if key not in arrays]
     if missing:
         raise WeightsError(f"{path}: arrays {missing} are missing; expected {list(_STORED)}")
-    diagonal, factor = (arrays.pop(key).astype(np.float64) for key in ("sigma0_diagonal", "sigma0_factor"))
-    if diagonal.shape != (HEAD_SIZE,) or factor.ndim != 2 or len(factor) != HEAD_SIZE:
+    lower = arrays.pop(_LOWER).astype(np.float64)
+    if lower.shape != (HEAD_SIZE * (HEAD_SIZE + 1) // 2,):
         raise WeightsError(
-            f"{path}: sigma0_diagonal has shape {diagonal.shape} and sigma0_factor {factor.shape}; expected "
-            f"({HEAD_SIZE},) and ({HEAD_SIZE}, rank)"
+            f"{path}: {_LOWER} has shape {lower.shape}, expected "
+            f"({HEAD_SIZE * (HEAD_SIZE + 1) // 2},): the lower triangle of a ({HEAD_SIZE}, {HEAD_SIZE}) matrix"
         )
-    # a fixed order of summation, so that Sigma0 has the same bits on every machine
-    sigma0 = np.diag(diagonal)
-    for column in factor.T:
-        sigma0 = sigma0 + np.multiply.outer(column, column)
+    sigma0 = np.zeros((HEAD_SIZE, HEAD_SIZE))
+    sigma0[np.tril_indices(HEAD_SIZE)] = lower
+    sigma0 += np.tril(sigma0, -1).T
     arrays["sigma0"] = sigma0
     return _checked(path, arrays, _card(path))
 
 
-def save_drivers(
-    path: Path | str,
-    arrays: dict[str, np.ndarray],
-    sigma0_diagonal: np.ndarray,
-    sigma0_factor: np.ndarray,
-    card: dict,
-) -> Path:
-    """Write weights and card; sigma0 = diag(diagonal (404,)) + factor (404, rank) factor^T. Returns the path."""
+def save_drivers(path: Path | str, arrays: dict[str, np.ndarray], card: dict) -> Path:
+    """Write the arrays of a `DriverModel` and its card; returns the path of the weights."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    stored = {
-        "sigma0_diagonal": np.asarray(sigma0_diagonal, np.float64),
-        "sigma0_factor": np.asarray(sigma0_factor, np.float64),
-    }
-    for key, value in arrays.items():
-        stored[key] = np.ascontiguousarray(value, dtype=_SHAPES[key][1])
+    stored = {key: np.ascontiguousarray(value, dtype=_SHAPES[key][1]) for key, value in arrays.items()}
+    stored[_LOWER] = stored.pop("sigma0")[np.tril_indices(HEAD_SIZE)]
     save_file(stored, path, metadata={"format": "tailroad-drivers-1"})
     path.with_suffix(".json").write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
     return path

@@ -160,12 +160,17 @@ def read_i80(data: Path | str, lanes_json: Path | str | None = None, road_length
 def read_us101(data: Path | str) -> list[Scene]:
     """The US-101 recordings of the data pack, one scene each, on the map's curved reference line (lane 3)."""
     path, lanes_path = _locate(data, US101_FILE, US101_LANES, None)
-    table = _read(path, ["scene_id", "vehicle_id", "frame", "s_m", "d_m", "length_m", "lane", "lane_offset_m"])
+    table = _read(
+        path, ["scene_id", "vehicle_id", "frame", "s_m", "d_m", "length_m", "lane", "lane_offset_m"]
+    )
     lanes = json.loads(lanes_path.read_text())["lanes"]
     curve, station = _smooth_curve(np.asarray(lanes["3"]["centre"], dtype=np.float64))
     shift = {
         int(row["lane"]): row["lane_offset_m"]
-        for row in table.filter(pl.col("lane") > 0).group_by("lane").agg(pl.col("lane_offset_m").median()).to_dicts()
+        for row in table.filter(pl.col("lane") > 0)
+        .group_by("lane")
+        .agg(pl.col("lane_offset_m").median())
+        .to_dicts()
     }
     projected = [_project(np.asarray(lanes[str(i)]["centre"], dtype=np.float64), curve) for i in range(1, 6)]
     grid = np.arange(0.0, station[-1], 10.0)
@@ -177,7 +182,10 @@ def read_us101(data: Path | str) -> list[Scene]:
     s, d_map = _project(xy, curve)
     d = _rectify(s, -d_map, grid, centres, width)
     table = table.with_columns(
-        pl.Series("s", s), pl.Series("d", d), pl.col("length_m").alias("length"), pl.col("width_m").alias("width")
+        pl.Series("s", s),
+        pl.Series("d", d),
+        pl.col("length_m").alias("length"),
+        pl.col("width_m").alias("width"),
     )
     return [_scene(str(key[0]), part, road) for key, part in table.group_by("scene_id", maintain_order=True)]
 
@@ -188,7 +196,9 @@ def _locate(data, file: str, lanes: str, lanes_json) -> tuple[Path, Path]:
     lanes_path = Path(lanes_json) if lanes_json is not None else data / lanes
     for needed in (path, lanes_path):
         if not needed.is_file():
-            raise DataError(f"{needed}: no such file; --data must name the data pack's folder, which holds {file}")
+            raise DataError(
+                f"{needed}: no such file; --data must name the data pack's folder, which holds {file}"
+            )
     return path, lanes_path
 
 
@@ -256,7 +266,9 @@ def _scene(name: str, table: pl.DataFrame, road: SceneRoad) -> Scene:
     frames = np.arange(int(table["frame"].min()), int(table["frame"].max()) + 1)
     ids = np.sort(table["vehicle_id"].unique().to_numpy())
     shape = (len(frames), len(ids))
-    out = {key: np.full(shape, np.nan) for key in ("x", "y", "heading", "speed", "accel", "turn_rate", "s", "d")}
+    out = {
+        key: np.full(shape, np.nan) for key in ("x", "y", "heading", "speed", "accel", "turn_rate", "s", "d")
+    }
     flags, usable = np.zeros(shape, dtype=np.uint8), np.zeros(shape, dtype=bool)
     length, width = np.zeros(len(ids)), np.zeros(len(ids))
     for (vehicle,), track in table.group_by(["vehicle_id"], maintain_order=True):
@@ -284,7 +296,8 @@ def _scene(name: str, table: pl.DataFrame, road: SceneRoad) -> Scene:
     number = np.floor(lanes / 2.0 - out["d"] / spacing)
     lane = np.where(np.isfinite(number), np.clip(np.nan_to_num(number), 0, lanes - 1), -1).astype(np.int64)
     flags |= _overlaps(out["s"], out["d"], lane, length, width)
-    on_map = (out["s"] > 1.0) & (out["s"] + 0.5 * length < road.length_m - 2.0)
+    on_map = np.abs(out["d"]) < 0.5 * lanes * spacing
+    on_map &= (out["s"] > 1.0) & (out["s"] + 0.5 * length < road.length_m - 2.0)
     usable &= (flags == 0) & on_map & np.isfinite(out["accel"]) & np.isfinite(out["turn_rate"])
     return Scene(
         name, DT_S, road, frames, ids, length, width, out["x"], out["y"], out["heading"], out["speed"],
@@ -311,9 +324,10 @@ def smoothed_motion(s: np.ndarray, d: np.ndarray, road: SceneRoad) -> dict[str, 
     flags[(np.abs(turn_rate) > 0.3) | ((np.abs(psi) > 0.3) & (along > 3.0))] |= SIDEWAYS
     x = np.interp(s, road.station_m, road.ref_x) - d * np.sin(ref_heading)
     y = np.interp(s, road.station_m, road.ref_y) + d * np.cos(ref_heading)
-    return dict(
-        x=x, y=y, heading=heading, speed=speed, accel=accel, turn_rate=turn_rate, s=s, d=d, flags=flags
-    )
+    return {
+        "x": x, "y": y, "heading": heading, "speed": speed, "accel": accel, "turn_rate": turn_rate,
+        "s": s, "d": d, "flags": flags,
+    }  # fmt: skip
 
 
 def _overlaps(s, d, lane, length, width) -> np.ndarray:

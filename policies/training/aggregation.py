@@ -18,7 +18,9 @@ from service.sim.road import Road, road_of
 
 WIDE_SHARE = 0.4  # of rollouts with harder starts than the scenario's
 SYNTHETIC_SHARE = 0.25  # of rollouts on a winding road, so that the curves of I-80 are not all a driver knows
-HEAD_NOISE_SD = 0.03  # half of the rollouts: heads moved by this, so that drivers of all xi find their way back
+HEAD_NOISE_SD = (
+    0.03  # half of the rollouts: heads moved by this, so that drivers of all xi find their way back
+)
 
 
 def winding_road(rng: np.random.Generator, length_m: float = 1500.0) -> Road:
@@ -26,7 +28,8 @@ def winding_road(rng: np.random.Generator, length_m: float = 1500.0) -> Road:
     station = np.arange(round(length_m) + 1, dtype=np.float64)
     waves = rng.uniform(250.0, 900.0, 3)
     curvature = sum(
-        rng.uniform(0.0, 7e-4) * np.sin(2.0 * np.pi * station / wave + rng.uniform(0.0, 6.3)) for wave in waves
+        rng.uniform(0.0, 7e-4) * np.sin(2.0 * np.pi * station / wave + rng.uniform(0.0, 6.3))
+        for wave in waves
     )
     heading = np.concatenate([[0.0], np.cumsum(0.5 * (curvature[1:] + curvature[:-1]))])
     x, y = (
@@ -73,5 +76,3 @@ def visited(
         np.concatenate(numbers).astype(np.int64),
         np.zeros(len(seen), bool),
     )
-
-

@@ -24,15 +24,13 @@ import numpy as np
 import torch
 from rich.progress import Progress
 
-from policies.data.scenes import read_i80, read_us101, summary
+from policies.data.scenes import I80_FILE, I80_LANES, US101_FILE, US101_LANES, read_i80, read_us101, summary
 from policies.drivers import save_drivers
 from policies.training import metrics
 from policies.training.aggregation import visited
 from policies.training.demonstrations import (
     AGGREGATED,
     I80_HELD_OUT_FROM,
-    PERTURBED,
-    RECORDED,
     US101_HELD_OUT_FROM,
     Rows,
     held_out_vehicles,
@@ -40,8 +38,8 @@ from policies.training.demonstrations import (
     perturbed_rows,
     recorded_rows,
 )
-from policies.training.ensemble import describe, head_distribution, refit_head
-from policies.training.expert import Expert, evidence, fit, mean_action, noise_sd
+from policies.training.ensemble import describe, head_distribution, refit_head, sampling_covariances
+from policies.training.expert import ZHU_FILE, Expert, evidence, fit, mean_action, noise_sd
 from policies.training.network import (
     ACTION_SCALE,
     DriverNet,
@@ -99,13 +97,22 @@ def main() -> None:
             lambda: train_trunk(arguments, recorded, perturbed, expert, road, visit_rng, train_rng, progress),
         )
         network = exported(net, aggregated.seen)
-        experts, members = stages.get(
+        experts, members, shapes = stages.get(
             "members",
             lambda: train_members(
-                arguments, network, recorded, perturbed, aggregated, expert, found, expert_rng, member_rng, progress
+                arguments,
+                network,
+                recorded,
+                perturbed,
+                aggregated,
+                expert,
+                found,
+                expert_rng,
+                member_rng,
+                progress,
             ),
         )
-        distribution, scores = head_distribution(members)
+        distribution, scores = head_distribution(members, shapes)
 
         root = np.linalg.cholesky(distribution.covariance)
 
@@ -114,7 +121,9 @@ def main() -> None:
             return network._replace(head=xi.astype(np.float32))
 
         centre = network._replace(head=distribution.mean.astype(np.float32))
-        measured = measure(arguments, draw, centre, road, scenes, recorded, aggregated, xi_rng, check_rng, progress)
+        measured = measure(
+            arguments, draw, centre, road, scenes, recorded, aggregated, xi_rng, check_rng, progress
+        )
 
     card = {
         "name": "drivers-bc",
@@ -142,9 +151,8 @@ def main() -> None:
         "w1": network.w1, "b1": network.b1, "w2": network.w2, "b2": network.b2,
         "mu0": distribution.mean, "action_scale": ACTION_SCALE,
     }  # fmt: skip
-    path = save_drivers(
-        arguments.out / "drivers-bc.safetensors", arrays, distribution.diagonal, distribution.factor, card
-    )
+    arrays["sigma0"] = distribution.covariance
+    path = save_drivers(arguments.out / "drivers-bc.safetensors", arrays, card)
     stages.clear()
     print(json.dumps({key: card[key] for key in ("metrics", "sigma0")}, indent=1))
     print(f"written: {path} and its card, after {time.time() - began:.0f} s")
@@ -184,7 +192,11 @@ def mixture(arguments: Arguments, recorded: Rows, perturbed: Rows, aggregated: R
     sd[from_people, 0] = 0.0  # people's accelerations bring their own spread
     weight = []
     for part, share in zip(parts, shares, strict=False):
-        fast = np.where(part.seen[:, 2] > 9.0, arguments.us101_weight, 1.0) if part.kind[0] != AGGREGATED else 1.0
+        fast = (
+            np.where(part.seen[:, 2] > 9.0, arguments.us101_weight, 1.0)
+            if part.kind[0] != AGGREGATED
+            else 1.0
+        )
         w = np.ones(len(part)) * fast
         weight.append(w / w.sum() * share)
     return seen, action, sd, np.concatenate(weight)
@@ -214,8 +226,11 @@ def train_trunk(arguments, recorded, perturbed, expert, road, visit_rng, train_r
     return net, aggregated
 
 
-def train_members(arguments, network, recorded, perturbed, aggregated, expert, found, expert_rng, member_rng, progress):
-    """Experts and heads (members, 404), each from a resample of whole trajectories and of the expert's evidence."""
+def train_members(
+    arguments, network, recorded, perturbed, aggregated, expert, found, expert_rng, member_rng, progress
+):
+    """Experts and heads (members, 404), each from a resample of whole trajectories and of the expert's evidence; and
+    the shapes of the heads' covariance."""
     learn = recorded.where(~recorded.held_out)
     parts = [learn, perturbed, aggregated]
     shares = [arguments.recorded_share, arguments.perturbed_share]
@@ -249,7 +264,10 @@ def train_members(arguments, network, recorded, perturbed, aggregated, expert, f
         for part, share in zip(chosen, shares, strict=True):
             # recorded and perturbed rows of a driver are resampled together
             key = "people" if part.kind[0] != AGGREGATED else "visits"
-            top = int(max(p.trajectory.max() for p in chosen if (p.kind[0] != AGGREGATED) == (key == "people"))) + 1
+            top = (
+                int(max(p.trajectory.max() for p in chosen if (p.kind[0] != AGGREGATED) == (key == "people")))
+                + 1
+            )
             if key not in drawn:
                 present = np.unique(part.trajectory)
                 count = np.bincount(member_rng.choice(present, len(present)), minlength=top)
@@ -261,21 +279,27 @@ def train_members(arguments, network, recorded, perturbed, aggregated, expert, f
         members.append(head)
         progress.update(task, advance=1)
     progress.remove_task(task)
-    return experts, np.array(members)
+    return experts, np.array(members), sampling_covariances(everything, base, common, arguments.ridge)
 
 
 def measure(arguments, draw, centre, road, scenes, recorded, aggregated, xi_rng, check_rng, progress) -> dict:
     """All metrics of the card."""
     task = progress.add_task("whole road", total=arguments.check_rollouts)
     on_road = metrics.whole_road(
-        lambda _: draw(xi_rng), road, arguments.check_rollouts, check_rng, tick=lambda: progress.update(task, advance=1)
+        lambda _: draw(xi_rng),
+        road,
+        arguments.check_rollouts,
+        check_rng,
+        tick=lambda: progress.update(task, advance=1),
     )
     progress.remove_task(task)
     held = recorded.where(recorded.held_out)
     likelihood = metrics.nll(centre, network_features(centre, held.seen), held.action.astype(np.float64))
     learned = recorded.where(~recorded.held_out)
     train_nll = metrics.nll(centre, network_features(centre, learned.seen), learned.action.astype(np.float64))
-    constant = 0.5 * np.sum((held.action / ACTION_SCALE / (sd := (learned.action / ACTION_SCALE).std(0))) ** 2, axis=1)
+    constant = 0.5 * np.sum(
+        (held.action / ACTION_SCALE / (sd := (learned.action / ACTION_SCALE).std(0))) ** 2, axis=1
+    )
     loop = {}
     for name, part in (("i80", scenes[:1]), ("us101", scenes[1:])):
         loop[name] = metrics.closed_loop(lambda _: draw(xi_rng), part, (5.0, 10.0, 20.0), check_rng)
@@ -286,7 +310,9 @@ def measure(arguments, draw, centre, road, scenes, recorded, aggregated, xi_rng,
             "rows": len(held),
             "nll_scaled_units": round(float(likelihood.mean()), 4),
             "train_nll": round(float(train_nll.mean()), 4),
-            "nll_of_a_constant_normal": round(float(constant.mean() + np.log(sd).sum() + np.log(2 * np.pi)), 4),
+            "nll_of_a_constant_normal": round(
+                float(constant.mean() + np.log(sd).sum() + np.log(2 * np.pi)), 4
+            ),
             "rmse_accel_mps2": round(float(_mean_error(centre, held)[0]), 4),
             "rmse_turn_rate_radps": round(float(_mean_error(centre, held)[1]), 5),
         },
@@ -316,9 +342,13 @@ def xi_effects(network, members, distribution, recorded, aggregated) -> dict:
             "mean_turn_rate_radps": round(sd[1] * ACTION_SCALE[1], 6),
             "log_std": [round(x, 4) for x in sd[2:]],
             "mean_accel_of_members": round(float(np.sqrt((of_members[:, 0] ** 2).mean())), 4),
-            "mean_turn_rate_of_members": round(float(np.sqrt((of_members[:, 1] ** 2).mean())) * ACTION_SCALE[1], 6),
+            "mean_turn_rate_of_members": round(
+                float(np.sqrt((of_members[:, 1] ** 2).mean())) * ACTION_SCALE[1], 6
+            ),
         }
-        result[f"output_shift_of_0.01_in_all_weights_{name}"] = round(float(0.01 * np.abs(h).sum(axis=1).mean()), 4)
+        result[f"output_shift_of_0.01_in_all_weights_{name}"] = round(
+            float(0.01 * np.abs(h).sum(axis=1).mean()), 4
+        )
         result[f"activation_{name}"] = {
             "rms": round(float(np.sqrt((h[:, :-1] ** 2).mean())), 4),
             "active_units_mean": round(float((h[:, :-1] > 0).sum(axis=1).mean()), 1),
@@ -330,8 +360,7 @@ def data_card(arguments, scenes, recorded, perturbed, aggregated) -> dict:
     """What the weights learned from, with shares."""
     held = recorded.held_out
     shares = [arguments.recorded_share, arguments.perturbed_share]
-    files = sorted({"scenes/i80_carpe_platoon_0400-0415.parquet", "scenes/us101_commonroad_merged.parquet",
-                    "scenes/i80_lanes.json", "scenes/us101_lanes.json", "trajectories/zhu_ngsim_cf_events.parquet"})  # fmt: skip
+    files = (I80_FILE, I80_LANES, US101_FILE, US101_LANES, ZHU_FILE)
     return {
         "files": {f: hashlib.sha256((arguments.data / f).read_bytes()).hexdigest() for f in files},
         "rows": {
@@ -405,7 +434,9 @@ def versions() -> dict[str, str]:
 
 def parse(kind, description: str):
     """Command-line arguments as the frozen dataclass `kind`, one option a field."""
-    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     for field in fields(kind):
         required = field.name in ("data", "out")
         parser.add_argument(

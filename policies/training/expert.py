@@ -32,6 +32,9 @@ DT_S = 0.1
 DAMPING_RATIO = 0.9  # lane keeping hardly overshoots; not identifiable from stationary moments
 STEERING_SPEED_FLOOR_MPS = 4.0
 FREE_GAP_M = 60.0
+SPEED_LIMIT_MPS = (
+    24.6  # 55 mph: nobody wants to go faster; few recorded drivers are free enough to show what they want
+)
 LANE_HALF_WIDTH_M = 1.8
 
 
@@ -176,7 +179,7 @@ def _fit_free(expert: Expert, free: np.ndarray) -> Expert:
     design = np.column_stack([np.ones_like(v), -(v**4)])
     (f, ratio), *_ = np.linalg.lstsq(design, a, rcond=None)
     f = float(np.clip(f, 0.1, 2.0))
-    v0 = float(np.clip((f / max(ratio, 1e-9)) ** 0.25, 15.0, 30.0))
+    v0 = float(np.clip((f / max(ratio, 1e-9)) ** 0.25, 15.0, SPEED_LIMIT_MPS))
     sd = float((a - f * (1.0 - (v / v0) ** 4)).std())
     return replace(expert, free_mps2=f, desired_speed_mps=v0, acceleration_noise_mps2=sd)
 
@@ -193,7 +196,9 @@ def _fit_following(expert: Expert, following: np.ndarray, evaluations: int) -> E
         return _spacing_error(with_values(logs), following) + outside
 
     first = np.log([getattr(expert, name) for name in names])
-    found = minimize(loss, first, method="Nelder-Mead", options={"maxfev": evaluations, "xatol": 1e-3})
+    simplex = np.vstack([first, first + 0.3 * np.eye(len(first))])
+    options = {"maxfev": evaluations, "xatol": 1e-3, "initial_simplex": simplex}
+    found = minimize(loss, first, method="Nelder-Mead", options=options)
     return with_values(found.x)
 
 

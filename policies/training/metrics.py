@@ -36,7 +36,8 @@ def share(count: int, n: int) -> dict:
     """A share with its 95% Clopper-Pearson interval."""
     low = 0.0 if count == 0 else float(beta_distribution.ppf(0.025, count, n - count + 1))
     high = 1.0 if count == n else float(beta_distribution.ppf(0.975, count + 1, n - count))
-    return {"value": round(count / n, 6), "count": int(count), "n": int(n), "interval_95": [round(low, 6), round(high, 6)]}
+    interval = [round(low, 6), round(high, 6)]
+    return {"value": round(count / n, 6), "count": int(count), "n": int(n), "interval_95": interval}
 
 
 def whole_road(
@@ -233,9 +234,10 @@ def brakes_for_leader(network: Network, road: Road, rng: np.random.Generator, ca
         station = leader[A.STATION] * road.spacing_m + slower * t
         k = np.clip(np.round(station).astype(int), 0, len(road.reference) - 1)
         centre = 0.5 * road.lanes[k, 2].sum(axis=1)
-        heading = np.interp(station, np.arange(len(road.reference)), road.reference[:, 2])
-        replay[:, 0, 0] = np.interp(station, np.arange(len(road.reference)), road.reference[:, 0]) - centre * np.sin(heading)
-        replay[:, 0, 1] = np.interp(station, np.arange(len(road.reference)), road.reference[:, 1]) + centre * np.cos(heading)
+        stations = np.arange(len(road.reference)) * road.spacing_m
+        x, y, heading = (np.interp(station, stations, road.reference[:, c]) for c in range(3))
+        replay[:, 0, 0] = x - centre * np.sin(heading)
+        replay[:, 0, 1] = y + centre * np.cos(heading)
         replay[:, 0, 2], replay[:, 0, 3] = heading, slower
         noise = rng.standard_normal((steps, 1, 2))
         _, trace, _ = rollout(agents, road, steps, network, noise, controlled=1, replay=replay)

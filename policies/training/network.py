@@ -133,7 +133,8 @@ def exported(net: DriverNet, seen: np.ndarray) -> Network:
 @torch.no_grad()
 def features_of(net: DriverNet, seen: np.ndarray) -> np.ndarray:
     """Last hidden layer (n, 100) for observations (n, 51)."""
-    return np.concatenate([net.features(torch.as_tensor(part)).numpy() for part in np.array_split(seen, 1 + len(seen) // 20000)])
+    parts = np.array_split(seen, 1 + len(seen) // 20_000)
+    return np.concatenate([net.features(torch.as_tensor(part)).numpy() for part in parts])
 
 
 def network_features(network: Network, seen: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ Recorded scenes are shown to the networks through the very code that the simulat
 rollouts (for data set aggregation and for the metrics of the cards) run without SUMO.
 """
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -112,9 +113,7 @@ def drive(
             if row[A.ACTIVE] != 0.0:
                 for c in range(4):
                     row[A.X_M + c] = replay[k, r, c]
-        status, ttc = observe(
-            agents, controlled, count, ego, reference, lanes, spacing_m, beams, beams, seen
-        )
+        status, ttc = observe(agents, controlled, count, ego, reference, lanes, spacing_m, beams, beams, seen)
         ego_ttc[t] = ttc
         any_active = False
         for v in range(controlled):
@@ -146,8 +145,9 @@ def drive(
             a = action_scale[0] * outputs[0]
             w = action_scale[1] * outputs[1]
         advance_all(
-            agents, controlled, ego, a, w, seen, w1, b1, w2, b2, head, action_scale, noise[t], 0.1, lanes.shape[1], poses
-        )
+            agents, controlled, ego, a, w, seen, w1, b1, w2, b2, head, action_scale, noise[t], DT_S,
+            lanes.shape[1], poses,
+        )  # fmt: skip
         for v in range(controlled):
             trace[t, v, T_ACCELERATION] = agents[v, A.ACCELERATION_MPS2]
             trace[t, v, T_TURN_RATE] = agents[v, A.TURN_RATE_RADPS]
@@ -160,7 +160,9 @@ def _place_all(agents, stations, lane, offsets, headings, reference, lanes, spac
         place(agents[v], stations[v], lane[v], offsets[v], headings[v], reference, lanes, spacing_m)
 
 
-def standard_starts(rng: np.random.Generator, road: Road, vehicles: int = 6, wide: bool = False) -> np.ndarray:
+def standard_starts(
+    rng: np.random.Generator, road: Road, vehicles: int = 6, wide: bool = False
+) -> np.ndarray:
     """Agents (V, columns) as the i80 scenario's base distribution starts them, one a lane (leftmost first).
 
     S ~ 40 Beta(2,2) + 80 m, T ~ 0.5 Beta(2,2) - 0.25 m, W ~ 7.2 Beta(2,2) - 3.6 degrees, V ~ 10 Beta(2,2) + 10
@@ -174,7 +176,7 @@ def standard_starts(rng: np.random.Generator, road: Road, vehicles: int = 6, wid
         exists = np.isfinite(road.lanes[np.clip(station.astype(int), 0, len(road.lanes) - 1), :, 0])
         lane = np.array([rng.choice(np.flatnonzero(row)) for row in exists])
         order = np.argsort(station)
-        for a, b in zip(order[:-1], order[1:], strict=True):  # nobody starts inside another's box
+        for a, b in itertools.pairwise(order):  # nobody starts inside another's box
             station[b] = max(station[b], station[a] + (8.0 if lane[a] == lane[b] else 1.0))
         offset, heading = rng.normal(0.0, 0.45, vehicles), rng.normal(0.0, 0.03, vehicles)
         speed = np.clip(rng.uniform(8.0, 24.0) + rng.normal(0.0, 3.0, vehicles), 1.0, 28.0)

@@ -1,0 +1,201 @@
+"""Train the lidar ego: an imitation network on the same 51 values, driven by its mean action.
+
+    python -m policies.training.ego_lidar --data DIR --out DIR --seed 1
+
+It learns from the same recordings as the drivers, by squared error, and from states that it reaches itself on the
+I-80 road among the shipped drivers' starts, labelled by an expert whose car following is more careful than the
+recorded average (CAREFUL below): it is meant to be a competent driver, not an average one. Written to --out:
+ego-lidar.safetensors with its card ego-lidar.json. Minutes on one core; an interrupted run continues after its last
+finished stage.
+"""
+
+import json
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from rich.progress import Progress
+
+from policies.data.scenes import read_i80, read_us101
+from policies.drivers import load_drivers, save_drivers
+from policies.layout import HEAD_SIZE, OUTPUTS
+from policies.training import metrics
+from policies.training.aggregation import visited
+from policies.training.demonstrations import AGGREGATED, held_out_vehicles, joined
+from policies.training.drivers import Stages, command, data_card, parse, public, rows_of, versions
+from policies.training.expert import Expert, evidence, fit, mean_action
+from policies.training.network import (
+    ACTION_SCALE,
+    DriverNet,
+    exported,
+    input_statistics,
+    network_features,
+    train,
+)
+from policies.training.world import Network, i80_road
+
+# What the ego's expert does otherwise than the fitted average driver (Treiber and Kesting 2013, table 11.2: freeway).
+CAREFUL = {
+    "time_headway_s": 1.2,
+    "comfort_mps2": 1.5,
+    "free_mps2": 1.0,
+    "interaction_mps2": 1.0,
+    "lateral_rate_per_s": 0.6,
+}
+EXPLORATION_LOG_STD = -2.0  # of the action noise while states are collected
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Every argument of the training; the defaults made the shipped weights."""
+
+    data: Path  # the data pack's folder
+    out: Path  # where the weights and their card go
+    seed: int = 1
+    drivers: str = "drivers-bc"  # weights of the drivers around the ego in the final check
+    rounds: int = 5  # of aggregation
+    rollouts: int = 120  # of six egos, in each round
+    first_steps: int = 1500  # of AdamW on the recordings alone, before the first round
+    round_steps: int = 1500  # in each round
+    final_steps: int = 12_000  # on all rows
+    batch: int = 1024
+    recorded_share: float = 0.2  # of the rows in a batch
+    perturbed_share: float = 0.2
+    check_rollouts: int = 2000  # of the final check on the whole road
+    threads: int = 1
+
+
+def main() -> None:
+    arguments = parse(Arguments, __doc__)
+    began = time.time()
+
+    # Randomness: everything below draws from these.
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence([arguments.seed, 2]).spawn(5)]
+    rows_rng, visit_rng, train_rng, xi_rng, check_rng = streams
+
+    model = load_drivers(arguments.drivers)
+    stages = Stages(arguments)
+    with Progress() as progress:
+        scenes = [read_i80(arguments.data), *read_us101(arguments.data)]
+        recorded, perturbed = stages.get("rows", lambda: rows_of(scenes, rows_rng))
+        fitted = fit(evidence(arguments.data, scenes, [~held_out_vehicles(scene) for scene in scenes]))
+        expert = replace(fitted, **CAREFUL)
+        road = i80_road()
+        net, aggregated = stages.get(
+            "network",
+            lambda: train_network(
+                arguments, recorded, perturbed, expert, road, visit_rng, train_rng, progress
+            ),
+        )
+        network = exported(net, aggregated.seen)
+        drivers = Network(
+            model.w1, model.b1, model.w2, model.b2, model.mu0.astype(np.float32), model.action_scale
+        )
+        root = np.linalg.cholesky(model.sigma0)
+
+        def draw(_: np.random.Generator) -> Network:
+            xi = model.mu0 + root @ xi_rng.standard_normal(HEAD_SIZE)
+            return drivers._replace(head=xi.astype(np.float32))
+
+        task = progress.add_task("whole road", total=arguments.check_rollouts)
+        on_road = metrics.whole_road(
+            draw,
+            road,
+            arguments.check_rollouts,
+            check_rng,
+            ego=network,
+            tick=lambda: progress.update(task, advance=1),
+        )
+        loop = {
+            name: metrics.closed_loop(
+                lambda _: network, part, (5.0, 10.0, 20.0), check_rng, samples=1, ego=True
+            )
+            for name, part in (("i80", scenes[:1]), ("us101", scenes[1:]))
+        }
+        held = recorded.where(recorded.held_out)
+        h = np.column_stack([network_features(network, held.seen), np.ones(len(held))])
+        error = (h @ network.head.reshape(-1, OUTPUTS))[:, :2] * ACTION_SCALE - held.action
+        behind = metrics.brakes_for_leader(quiet(network), road, check_rng)
+
+    card = {
+        "name": "ego-lidar",
+        "what": "ego policy under test: network 51-200-100-2 on lidar and lane position, mean action, no noise",
+        "method": "behaviour cloning (squared error), noise injection, data set aggregation with a careful expert",
+        "command": command("policies.training.ego_lidar", arguments),
+        "seed": arguments.seed,
+        "arguments": public(arguments),
+        "data": data_card(arguments, scenes, recorded, perturbed, aggregated),
+        "expert": expert.as_dict(),
+        "action_scale": ACTION_SCALE.tolist(),
+        "metrics": {
+            "p0_whole_road_among_drivers": {"drivers": arguments.drivers, **on_road},
+            "behind_a_slower_vehicle": behind,
+            "held_out_open_loop": {
+                "rows": len(held),
+                "rmse_accel_mps2": round(float(np.sqrt(np.mean(error[:, 0] ** 2))), 4),
+                "rmse_turn_rate_radps": round(float(np.sqrt(np.mean(error[:, 1] ** 2))), 5),
+            },
+            "held_out_closed_loop": loop,
+        },
+        "limits": [
+            "Most of what it does on the almost empty road of the i80 scenario comes from the expert's labels.",
+            "Its expert keeps its lane and follows its leader; nothing teaches it to evade a neighbour that drifts "
+            "into its lane, beyond what recorded drivers did.",
+            "Twenty beams: a vehicle between two beams is not seen.",
+        ],
+        "versions": versions(),
+        "training_s": round(time.time() - began),
+    }
+    arrays = {
+        "w1": network.w1, "b1": network.b1, "w2": network.w2, "b2": network.b2, "mu0": quiet(network).head,
+        "sigma0": np.zeros((HEAD_SIZE, HEAD_SIZE)), "action_scale": ACTION_SCALE,
+    }  # fmt: skip
+    path = save_drivers(arguments.out / "ego-lidar.safetensors", arrays, card)
+    stages.clear()
+    print(json.dumps(card["metrics"], indent=1))
+    print(f"written: {path} and its card, after {time.time() - began:.0f} s")
+
+
+def quiet(network: Network, log_std: float = -5.0) -> Network:
+    """The network with the same small log standard deviations everywhere."""
+    head = network.head.reshape(-1, OUTPUTS).copy()
+    head[:, 2:] = 0.0
+    head[-1, 2:] = log_std
+    return network._replace(head=head.reshape(-1))
+
+
+def train_network(arguments, recorded, perturbed, expert: Expert, road, visit_rng, train_rng, progress):
+    """The network trained on everything, and the rows aggregated on the way."""
+    learn = recorded.where(~recorded.held_out)
+    wide = np.concatenate([learn.seen, perturbed.seen])
+    net, aggregated = None, None
+    for turn in range(arguments.rounds + 1):
+        last = turn == arguments.rounds
+        steps = arguments.final_steps if last else (arguments.round_steps if turn else arguments.first_steps)
+        parts = [learn, perturbed] + ([aggregated] if aggregated is not None else [])
+        seen = np.concatenate([part.seen for part in parts])
+        action = np.concatenate(
+            [part.action if part.kind[0] != AGGREGATED else mean_action(expert, part.seen) for part in parts]
+        )
+        shares = [arguments.recorded_share, arguments.perturbed_share]
+        shares.append(1.0 - sum(shares))
+        weight = np.concatenate([np.full(len(p), s / len(p)) for p, s in zip(parts, shares, strict=False)])
+        if net is None:
+            net = DriverNet(*input_statistics(wide))
+        train(net, seen, action, np.zeros_like(action), weight, steps, train_rng, batch=arguments.batch,
+              progress=progress, label=f"round {turn} of {arguments.rounds}", deterministic=True)  # fmt: skip
+        if not last:
+            exploring = quiet(exported(net, seen[-20000:]), EXPLORATION_LOG_STD)
+            new = visited(exploring, road, arguments.rollouts, visit_rng)
+            aggregated = new if aggregated is None else joined([aggregated, new])
+            if turn == 0:  # inputs of the scenario lie outside the recordings' range: standardise for both
+                net = DriverNet(*input_statistics(np.concatenate([wide, new.seen])))
+    return net, aggregated
+
+
+if __name__ == "__main__":
+    main()
