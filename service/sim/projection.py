@@ -44,16 +44,21 @@ def locate(agent: np.ndarray, reference: np.ndarray, lanes: np.ndarray, spacing_
     k = int(agent[A.STATION])
     along = 0.0
     offset = 0.0
+    way = (
+        0  # it never turns back: on a bend two neighbours can each point at the other for points between them
+    )
     for _ in range(last + 1):
         row = reference[k]
         dx = agent[A.X_M] - row[REF_X]
         dy = agent[A.Y_M] - row[REF_Y]
         offset = dy * row[REF_COS] - dx * row[REF_SIN]
         along = (dx * row[REF_COS] + dy * row[REF_SIN]) / (1.0 - row[REF_CURVATURE] * offset)
-        if along > 0.5 * spacing_m and k < last:
+        if along > 0.5 * spacing_m and k < last and way >= 0:
             k += 1
-        elif along < -0.5 * spacing_m and k > 0:
+            way = 1
+        elif along < -0.5 * spacing_m and k > 0 and way <= 0:
             k -= 1
+            way = -1
         else:
             break
     row = reference[k]
