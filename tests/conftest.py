@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
+
+# pytest puts tests/ first, where tests/ce and others would hide the packages of the same names
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 import pytest

@@ -7,6 +7,7 @@ Background vehicles are SUMO's own, and are read back each step.
 libsumo holds one simulation a process; a second `SumoSession` in a process is refused while the first is open.
 """
 
+import contextlib
 import math
 import os
 from collections.abc import Sequence
@@ -33,6 +34,7 @@ RARELY_S = 100.0  # SUMO plans a controlled vehicle's own motion this seldom: no
 
 SUBSCRIBED = (tc.VAR_POSITION, tc.VAR_ANGLE, tc.VAR_SPEED, tc.VAR_LENGTH, tc.VAR_WIDTH)
 BACKGROUND_TYPE = "background"
+BACKGROUND_CLASS = "passenger"
 CLEAR_BEFORE_M = 40.0  # background vehicles keep this far from where controlled vehicles can start
 CLEAR_AFTER_M = 60.0
 MINIMUM_SPACING_M = 15.0  # between background vehicles of a lane at the start
@@ -84,7 +86,6 @@ class SumoSession:
         except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
             raise SimulationError(f"SUMO cannot load {corridor.net_path}: {error}") from error
         SumoSession._open = self
-        self._fresh = True
         self._prepare()
 
     def __enter__(self) -> "SumoSession":
@@ -109,6 +110,7 @@ class SumoSession:
             libsumo.vehicletype.setActionStepLength(name, RARELY_S)
         if self._background is not None:
             libsumo.vehicletype.copy("DEFAULT_VEHTYPE", BACKGROUND_TYPE)
+            libsumo.vehicletype.setVehicleClass(BACKGROUND_TYPE, BACKGROUND_CLASS)
             libsumo.vehicletype.setMaxSpeed(BACKGROUND_TYPE, self._background.speed_mps)
 
     def begin(self, poses: np.ndarray, seed: int) -> None:
@@ -117,13 +119,13 @@ class SumoSession:
         With background traffic SUMO is loaded anew with the rollout's seed; without it nothing in SUMO is random
         and only the vehicles are replaced.
         """
-        if self._background is not None and not self._fresh:
+        if self._background is not None:
             libsumo.load([*self._options[1:], "--seed", str(seed % 2**31)])
             self._prepare()
-        elif not self._fresh:
+        else:
             for _, name in self._moves:
-                libsumo.vehicle.remove(name)
-        self._fresh = False
+                with contextlib.suppress(libsumo.TraCIException):  # SUMO let it arrive by itself
+                    libsumo.vehicle.remove(name)
         self._moves = []
         for row, (name, kind) in enumerate(zip(self._names, self._types, strict=True)):
             libsumo.vehicle.add(name, ROUTE, typeID=kind, departSpeed="0")
@@ -196,7 +198,8 @@ class SumoSession:
             exists = np.flatnonzero(corridor.sumo_lane[lane] >= 0)
             if exists.size < corridor.sumo_lane.shape[1]:
                 continue  # ramps and auxiliary lanes stay empty
-            if libsumo.lane.getAllowed(_lane_id(corridor, lane, 0)):
+            allowed = libsumo.lane.getAllowed(_lane_id(corridor, lane, 0))  # empty: everybody
+            if allowed and BACKGROUND_CLASS not in allowed:
                 continue  # a restricted lane (HOV)
             mean_gap = max(1000.0 / traffic.density_veh_per_km_lane - MINIMUM_SPACING_M, 1.0)
             at = corridor.length_m - 10.0
