@@ -1,0 +1,12 @@
+"""The report of a run: one self-contained HTML file for people, and the same facts as JSON for programs.
+
+    write_report(RunDirectory.open(Path("runs/i80-10s")))      # RUN/report.html and RUN/report.json
+
+The facts come first: `replay` reads the record, `dangerous` picks rollouts and runs them once more, `facts` turns both
+into one JSON-ready dictionary. `figures` and `drawings` make pictures of the same, and `page` sets everything in type,
+a template for each section in `templates/`.
+"""
+
+from service.report.write import write_report
+
+__all__ = ["write_report"]

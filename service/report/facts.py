@@ -1,0 +1,280 @@
+"""Everything that the report says, as one JSON-ready dictionary: report.json, and what the page is made from."""
+
+import math
+import platform
+from collections.abc import Sequence
+from dataclasses import asdict
+from datetime import datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+import ce
+from service.report import words
+from service.report.dangerous import Retold
+from service.report.replay import JobRecord
+from service.scenario.base import PER_VEHICLE
+from service.summary import Cost, comparisons, summary_of
+
+FORMAT = 1
+FAILURES_LISTED = 20
+CURVE_POINTS = 60
+CURVE_SPAN = 4.0  # the curve runs from gamma / CURVE_SPAN to gamma * CURVE_SPAN
+PACKAGES = ("tailroad", "libsumo", "numpy", "scipy", "numba", "cvxpy")
+XI_OUTPUTS = ("mean acceleration", "mean turn rate", "log spread of acceleration", "log spread of turn rate")
+TOP_SHIFTS = 8
+LEAST_SHIFT_SD = 0.1
+
+
+def facts_of(
+    path: Path, records: Sequence[JobRecord], retold: Sequence[Retold], now: datetime
+) -> dict[str, Any]:
+    """The report's facts. Numbers that are not finite are None."""
+    estimates = {r.job.id: r.estimate for r in records}
+    against_naive = {c["method"]: c for c in comparisons([r.job for r in records], estimates)}
+    gammas = curve_gammas(records)
+    jobs = [_job(r, against_naive.get(r.job.id), gammas) for r in records]
+    first = records[0].job
+    headline = _headline(jobs)
+    facts = {
+        "format": FORMAT,
+        "made": now.isoformat(timespec="seconds"),
+        "run": path.name,
+        "question": words.question(first),
+        "headline": headline,
+        "disagreement": _disagreement(jobs),
+        "scenario": {
+            "name": first.scenario.name,
+            "description": first.scenario.description,
+            "built_in": words.is_built_in(first),
+            "road": words.road_name(first),
+            "ego": first.ego,
+            "gamma": first.gamma,
+            "measure": first.scenario.safety.measure,
+            "horizon_s": first.scenario.time.horizon_s,
+            "step_s": first.scenario.time.step_s,
+            "vehicles": len(first.scenario.vehicles),
+            "drivers": first.scenario.drivers.weights,
+            "noise": first.scenario.drivers.noise,
+            "dimension": records[0].problem.base.dim,
+            "drivers_sha256": first.weights_sha256,
+            "file": msgspec.to_builtins(first.scenario),
+        },
+        "jobs": jobs,
+        "dangerous": [_dangerous(r) for r in retold],
+        "commands": [words.command(r.job) for r in records],
+        "versions": _versions(first.tailroad),
+    }
+    return json_ready(facts)
+
+
+def curve_gammas(records: Sequence[JobRecord]) -> np.ndarray:
+    """Thresholds worth showing: around gamma, not below the lowest f that any job has met."""
+    gamma = records[0].job.gamma
+    met = np.concatenate([r.estimate.f[np.isfinite(r.estimate.f)] for r in records])
+    lowest = float(met.min()) if met.size else gamma
+    if gamma > 0:
+        low = min(max(gamma / CURVE_SPAN, lowest), gamma)
+        grid = np.geomspace(low, gamma * CURVE_SPAN, CURVE_POINTS) if low > 0 else None
+    else:
+        grid = None
+    if grid is None:
+        spread = abs(gamma) or 1.0
+        grid = np.linspace(gamma - spread, gamma + spread, CURVE_POINTS)
+    return np.unique(np.append(grid, gamma))
+
+
+def _job(record: JobRecord, against_naive: dict[str, Any] | None, gammas: np.ndarray) -> dict[str, Any]:
+    job, estimate = record.job, record.estimate
+    cost = Cost(workers=0)
+    cost.add(record.worker_s, record.sim_s)
+    summary = summary_of(job, estimate, cost)
+    del summary["workers"], summary["wall_s"]  # of a sitting, which the record does not know
+    trace, curve = estimate.trace(), estimate.curve(gammas)
+    headline, interval = words.answer(summary)
+    return summary | {
+        "id": job.id,
+        "method_name": words.METHOD_NAMES.get(job.method, job.method),
+        "by_method": words.BY_METHOD.get(job.method, job.method),
+        "answer": headline,
+        "answer_interval": interval,
+        "finished": estimate.finished,
+        "progress": {
+            "planned": record.planned,
+            "recorded": record.recorded,
+            "counted": estimate.rollouts,
+        },
+        "stream_seed": str(record.problem.stream_seed),  # 64 bits: too many for a JSON number
+        "pareto_k": estimate.pareto_k,
+        "against_naive": against_naive,
+        "trace": {
+            "rollouts": (trace.rollouts + estimate.training_rollouts).tolist(),
+            "p": trace.p.tolist(),
+            "low": trace.low.tolist(),
+            "high": trace.high.tolist(),
+        },
+        "curve": {
+            "gamma": curve.gammas.tolist(),
+            "p": curve.p.tolist(),
+            "low": curve.low.tolist(),
+            "high": curve.high.tolist(),
+            "events": curve.events.tolist(),
+        },
+        "training": [msgspec.to_builtins(r) for r in record.training],
+        "estimation": [msgspec.to_builtins(r) for r in record.estimation],
+        "outcomes": {phase: dict(sorted(ended.items())) for phase, ended in sorted(record.outcomes.items())},
+        "failures": {
+            "total": len(record.errors),
+            "listed": [asdict(failure) for failure in record.failures(FAILURES_LISTED)],
+        },
+        "learned": _learned(record),
+    }
+
+
+def _learned(record: JobRecord) -> dict[str, Any] | None:
+    """How the proposal differs from the base: shifts in the base's standard deviations."""
+    proposal = record.proposal
+    if proposal is None:
+        return None
+    base = record.problem.base
+    starts: list[dict[str, Any]] = []
+    for i, vehicle in enumerate(record.job.scenario.vehicles):
+        for j, parameter in enumerate(PER_VEHICLE):
+            before, after = base.blocks[4 * i + j], proposal.blocks[4 * i + j]
+            assert isinstance(before, ce.Beta)
+            assert isinstance(after, ce.Beta)
+            amount = _beta_mean(after) - _beta_mean(before)
+            starts.append(
+                {
+                    "vehicle": vehicle.name,
+                    "parameter": parameter,
+                    "shift": amount,
+                    "shift_sd": amount / _beta_sd(before),
+                    "said": words.shift(vehicle.name, parameter, amount),
+                }
+            )
+    starts.sort(key=lambda s: -abs(s["shift_sd"]))
+    outputs = []
+    shifts = xi_shifts_sd(record, proposal)
+    for k, name in enumerate(XI_OUTPUTS):
+        mine = shifts[k :: len(XI_OUTPUTS)]
+        outputs.append(
+            {
+                "output": name,
+                "weights": mine.size,
+                "rms_shift_sd": float(np.sqrt(np.mean(mine**2))),
+                "max_shift_sd": float(np.abs(mine).max()),
+            }
+        )
+    return {
+        "starts": starts,
+        "largest": [s for s in starts[:TOP_SHIFTS] if abs(s["shift_sd"]) >= LEAST_SHIFT_SD],
+        "drivers": outputs,
+        "drivers_distance_sd": math.sqrt(2.0 * max(proposal.normals[0][1].kl(base.normals[0][1]), 0.0)),
+        "kl_nats": proposal.kl(base),
+    }
+
+
+def xi_shifts_sd(record: JobRecord, proposal: ce.Product) -> np.ndarray:
+    """Shift of the mean of each driver weight, (404,), in its standard deviations under the base."""
+    base = record.problem.base.normals[0][1]
+    return (proposal.normals[0][1].mean - base.mean) / np.sqrt(np.diagonal(base.cov))
+
+
+def _beta_mean(beta: ce.Beta) -> float:
+    return beta.low + (beta.high - beta.low) * beta.alpha / (beta.alpha + beta.beta)
+
+
+def _beta_sd(beta: ce.Beta) -> float:
+    total = beta.alpha + beta.beta
+    return (beta.high - beta.low) * math.sqrt(beta.alpha * beta.beta / (total + 1.0)) / total
+
+
+def _headline(jobs: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The job whose estimate heads the report: converged before not, finished before not, then the narrower."""
+
+    def order(job: dict[str, Any]) -> tuple[bool, bool, float]:
+        low, high = job["ci"]
+        width = (high - low) / job["p"] if job["p"] > 0 else math.inf
+        return (not job["converged"], not job["finished"], width)
+
+    best = min(jobs, key=order)
+    return {
+        "job": best["id"],
+        "by_method": best["by_method"],
+        "answer": best["answer"],
+        "answer_interval": best["answer_interval"],
+        "settled": best["converged"],
+        "p": best["p"],
+        "ci": best["ci"],
+        "confidence": best["confidence"],
+        "rollouts": best["rollouts"]["total"],
+    }
+
+
+def _disagreement(jobs: Sequence[dict[str, Any]]) -> str | None:
+    """What to say where two jobs' intervals have nothing in common."""
+    known = [job for job in jobs if job["rollouts"]["estimation"]]
+    for i, a in enumerate(known):
+        for b in known[i + 1 :]:
+            if a["ci"][0] > b["ci"][1] or b["ci"][0] > a["ci"][1]:
+                return (
+                    f"The intervals by {a['by_method']} and by {b['by_method']} have no value in common. At least "
+                    "one of the two estimates is wrong: rely on neither before the cause is found. Naive Monte "
+                    "Carlo, given more rollouts, decides."
+                )
+    return None
+
+
+def _dangerous(retold: Retold) -> dict[str, Any]:
+    r, trace = retold.ranked, retold.trace
+    job = r.record.job
+    vehicles = job.scenario.vehicles
+    return {
+        "job": job.id,
+        "method_name": words.METHOD_NAMES.get(job.method, job.method),
+        "rank": r.rank,
+        "row": r.row,
+        "noise_seed": str(r.noise),
+        "f": r.f,
+        "log_likelihood": r.log_likelihood,
+        "weight": r.weight,
+        "share": r.share,
+        "same_to_the_bit": retold.same,
+        "error": retold.error,
+        "f_again": None if trace is None else trace.rollout.f,
+        "outcome": None if trace is None else trace.rollout.outcome,
+        "steps": None if trace is None else trace.rollout.steps,
+        "smallest_ttc_at_s": None if trace is None else float(trace.time_s[int(np.argmin(trace.ttc_s))]),
+        "threat": None if retold.threat is None else vehicles[retold.threat].name,
+        "starts": {
+            vehicle.name: dict(zip(PER_VEHICLE, r.x[4 * i : 4 * i + 4].tolist(), strict=True))
+            for i, vehicle in enumerate(vehicles)
+        },
+    }
+
+
+def _versions(of_run: str) -> dict[str, str]:
+    found = {"tailroad of the run": of_run, "python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def json_ready(value: Any) -> Any:
+    """The same with None for numbers that JSON has no word for."""
+    if isinstance(value, dict):
+        return {str(k): json_ready(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_ready(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

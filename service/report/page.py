@@ -1,0 +1,88 @@
+"""The report as an HTML page: facts and pictures put into the templates, everything from outside escaped."""
+
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import msgspec
+from markupsafe import Markup
+
+from service.report import drawings, figures, ink, words
+from service.report.dangerous import Retold
+from service.report.ink import Picture
+from service.report.replay import JobRecord
+
+FOLDER = Path(__file__).parent
+SECTIONS = (  # a template each, in this order; the first is the page's head
+    "answer",
+    "comparison",
+    "estimates",
+    "search",
+    "dangerous",
+    "failures",
+    "method",
+    "reproduce",
+)
+
+
+def page_of(facts: dict[str, Any], records: Sequence[JobRecord], retold: Sequence[Retold]) -> str:
+    """The page, self-contained: style and pictures are inside it."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(FOLDER / "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "significant": words.significant,
+        "count": words.count,
+        "percent": words.percent,
+        "level": words.level,
+        "factor": words.factor,
+        "duration": words.duration,
+        "colour": ink.colour,
+        "exact": _exact,
+    }
+    return environment.get_template("page.html").render(
+        facts=facts,
+        sections=SECTIONS,
+        style=Markup((FOLDER / "style.css").read_text(encoding="utf-8")),
+        pictures=Pictures(facts, records, retold),
+        scenario_json=msgspec.json.format(msgspec.json.encode(facts["scenario"]["file"])).decode(),
+        colours={"ego": ink.EGO, "threat": ink.THREAT, "other": ink.OTHER},
+    )
+
+
+def _exact(value: float | None) -> str:
+    """Every digit, for the value of a <data> element."""
+    return "" if value is None else repr(value)
+
+
+class Pictures:
+    """The page's pictures; drawn when a template asks for them."""
+
+    def __init__(self, facts: dict[str, Any], records: Sequence[JobRecord], retold: Sequence[Retold]):
+        self._facts = facts
+        self._records = {r.job.id: r for r in records}
+        self._retold = retold
+
+    @cached_property
+    def run(self) -> list[Picture]:
+        return figures.run_pictures(self._facts, list(self._records.values()))
+
+    def search(self, job: dict[str, Any]) -> list[Picture]:
+        return figures.search_pictures(job)
+
+    def learned(self, job: dict[str, Any]) -> list[Picture]:
+        return figures.learned_pictures(self._records[job["id"]])
+
+    @cached_property
+    def dangerous(self) -> list[Picture | None]:
+        """A picture for each of the facts' dangerous rollouts."""
+        return [
+            drawings.drawing(r, told, r.ranked.record.problem.corridor)
+            for r, told in zip(self._retold, self._facts["dangerous"], strict=True)
+        ]

@@ -1,0 +1,144 @@
+"""A job as far as its record goes: the evaluation loop, answered from the run directory alone."""
+
+from collections import Counter
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NoReturn
+
+import numpy as np
+
+import ce
+from service.batches import RecordedBatches
+from service.evaluate import evaluate
+from service.job import Job, Problem
+from service.pool import OUTCOME_NAMES
+from service.store import RunDirectory
+
+BatchKey = tuple[str, int]  # phase, iteration
+
+
+class _EndOfRecord(Exception):
+    """The record has no answer to the next batch, or not all of it."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A rollout that ended in an error: row `row` of the batch stream (phase, iteration)."""
+
+    phase: str
+    iteration: int
+    row: int
+    noise: int  # its noise seed
+    reason: str
+
+
+@dataclass(frozen=True)
+class JobRecord:
+    """What the record says of a job.
+
+    estimate: from the batches that are complete. recorded: rollouts on record, those of an incomplete batch included.
+    parameters: of the proposal of each batch. event_rows, event_log_likelihood: the estimation rollouts with
+    f <= gamma, and log p0(x) of each, nats. outcomes: how the recorded rollouts of each phase ended.
+    """
+
+    job: Job
+    problem: Problem
+    estimate: ce.Estimate
+    training: tuple[ce.TrainingRecord, ...]
+    estimation: tuple[ce.EstimationRecord, ...]
+    parameters: dict[BatchKey, np.ndarray]
+    event_rows: np.ndarray
+    event_log_likelihood: np.ndarray
+    outcomes: dict[str, Counter[str]]
+    errors: tuple[tuple[str, int, int, str], ...]  # phase, iteration, row, reason
+    recorded: int
+    worker_s: float
+    sim_s: float
+
+    @property
+    def planned(self) -> int:
+        """Rollouts at most."""
+        return self.problem.algorithm.total_rollouts
+
+    def redraw(self, phase: str, iteration: int, row: int) -> tuple[np.ndarray, int]:
+        """x (d,) and the noise seed of a rollout, drawn again just as its batch was."""
+        proposal = self.problem.base.with_parameters(self.parameters[phase, iteration])
+        x, noise = ce.draw(proposal, self.problem.stream_seed, phase, iteration, row, row + 1)
+        return x[0], int(noise[0])
+
+    @cached_property
+    def proposal(self) -> ce.Product | None:
+        """What the estimation rollouts are drawn from, where that is not the base and is known."""
+        if not self.training or ("estimate", 0) not in self.parameters:
+            return None
+        return self.problem.base.with_parameters(self.parameters["estimate", 0])
+
+    def failures(self, limit: int) -> list[Failure]:
+        """The first failed rollouts, with the noise seeds that bring them back."""
+        return [
+            Failure(phase, k, row, self.redraw(phase, k, row)[1], reason)
+            for phase, k, row, reason in self.errors[:limit]
+        ]
+
+
+def replay(store: RunDirectory, job: Job) -> JobRecord:
+    """Replay a job's record through the evaluation loop until it is finished or the record ends."""
+    problem = Problem(job)
+    algorithm = problem.algorithm
+    recorded = RecordedBatches(store, job, _no_workers)
+    state: Any = algorithm.init(problem.stream_seed)
+    records: list[ce.TrainingRecord | ce.EstimationRecord] = []
+    parameters: dict[BatchKey, np.ndarray] = {}
+    rows: list[np.ndarray] = []
+    likelihood: list[np.ndarray] = []
+
+    def run_batch(batch: ce.Batch) -> np.ndarray:
+        parameters[batch.phase, batch.iteration] = batch.parameters
+        f = recorded(batch)
+        if batch.phase == "estimate":
+            events = np.flatnonzero(f <= job.gamma)
+            rows.append(batch.start + events)
+            likelihood.append(problem.base.log_density(batch.x[events]))
+        return f
+
+    def observe(after: Any, record: ce.TrainingRecord | ce.EstimationRecord) -> None:
+        nonlocal state
+        state = after
+        records.append(record)
+
+    try:
+        estimate = evaluate(algorithm, problem.stream_seed, run_batch, observe)
+    except _EndOfRecord:
+        estimate = algorithm.estimate(state)
+
+    outcomes: dict[str, Counter[str]] = {}
+    errors: list[tuple[str, int, int, str]] = []
+    count, worker_s, steps = 0, 0.0, 0
+    for phase, iteration, chunk in store.all_chunks(job.id):
+        codes, counts = np.unique(chunk.outcomes, return_counts=True)
+        ended = outcomes.setdefault(phase, Counter())
+        for code, times in zip(codes.tolist(), counts.tolist(), strict=True):
+            ended[OUTCOME_NAMES.get(code, f"code {code}")] += times
+        errors += [(phase, iteration, chunk.start + i, reason) for i, reason in sorted(chunk.errors.items())]
+        count += chunk.stop - chunk.start
+        worker_s += chunk.worker_s
+        steps += int(chunk.steps.sum())
+    return JobRecord(
+        job=job,
+        problem=problem,
+        estimate=estimate,
+        training=tuple(r for r in records if isinstance(r, ce.TrainingRecord)),
+        estimation=tuple(r for r in records if isinstance(r, ce.EstimationRecord)),
+        parameters=parameters,
+        event_rows=np.concatenate([np.zeros(0, np.int64), *rows]),
+        event_log_likelihood=np.concatenate([np.zeros(0), *likelihood]),
+        outcomes=outcomes,
+        errors=tuple(errors),
+        recorded=count,
+        worker_s=worker_s,
+        sim_s=steps * job.scenario.time.step_s,
+    )
+
+
+def _no_workers() -> NoReturn:
+    raise _EndOfRecord

@@ -1,0 +1,133 @@
+"""Numbers and sentences of the report, as plain text with sensible digits."""
+
+import math
+import shlex
+from typing import Any
+
+from service.job import Job
+from service.scenario import built_in_names, load_scenario
+
+METHOD_NAMES = {"naive": "naive Monte Carlo", "ce": "cross-entropy method"}
+BY_METHOD = METHOD_NAMES | {"ce": "the cross-entropy method"}
+ROAD_NAMES = {"i80": "I-80 at Emeryville"}
+PARAMETER_NAMES = {
+    "station_m": ("position along the road", "m"),
+    "lane_offset_m": ("offset from the lane's centre", "m"),
+    "heading_deg": ("heading", "deg"),
+    "speed_mps": ("speed", "m/s"),
+}
+SHIFTS = {  # a vehicle's start under the proposal against the base: more, less
+    "station_m": ("starts {} m further ahead", "starts {} m further back"),
+    "lane_offset_m": ("starts {} m further left in its lane", "starts {} m further right in its lane"),
+    "heading_deg": ("starts turned {}° more to the left", "starts turned {}° more to the right"),
+    "speed_mps": ("starts {} m/s faster", "starts {} m/s slower"),
+}
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+NOT_KNOWN = "not known"
+
+
+def significant(value: float | None, digits: int = 3) -> str:
+    """A number with so many significant digits, thousands separated, powers of ten where it is small."""
+    if value is None or math.isnan(value):
+        return NOT_KNOWN
+    if math.isinf(value):
+        return "∞" if value > 0 else "-∞"
+    if value == 0.0:
+        return "0"
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    power = int(exponent)
+    if power < -3 or power > 8:
+        return f"{mantissa} × 10{str(power).translate(_SUPERSCRIPTS)}"
+    return f"{float(f'{mantissa}e{power}'):,.{max(digits - 1 - power, 0)}f}"
+
+
+def count(value: float | None) -> str:
+    return NOT_KNOWN if value is None else f"{value:,.0f}"
+
+
+def percent(share: float | None, digits: int = 2) -> str:
+    """A share as a percentage."""
+    return NOT_KNOWN if share is None or math.isnan(share) else f"{significant(100.0 * share, digits)}%"
+
+
+def factor(value: float | None) -> str:
+    """How many times."""
+    return NOT_KNOWN if value is None else f"{significant(value, 2)} ×"
+
+
+def level(confidence: float) -> str:
+    """A confidence level."""
+    return f"{100.0 * confidence:.4g}%"
+
+
+def duration(seconds: float) -> str:
+    """Seconds as people say them."""
+    if seconds < 60:
+        return f"{significant(seconds, 2)} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours:,} h {minutes} min" if hours else f"{minutes} min {rest} s"
+
+
+def one_in(p: float) -> str:
+    """A probability as one in so many rollouts, or so many in 100 where it is large."""
+    if p <= 0:
+        return "none"
+    return f"{100.0 * p:.0f} in 100" if p >= 0.1 else f"one in {significant(1.0 / p, 2)}"
+
+
+def road_name(job: Job) -> str:
+    return ROAD_NAMES.get(job.scenario.network.road, job.scenario.network.road.rsplit("/", 1)[-1])
+
+
+def question(job: Job) -> str:
+    """The question that the run answers."""
+    return (
+        f"How probable is it that {job.ego} comes within {job.gamma:g} s time to collision "
+        f"in a drive of {job.scenario.time.horizon_s:g} s at most on {road_name(job)}?"
+    )
+
+
+def answer(summary: dict[str, Any]) -> tuple[str, str]:
+    """The estimate in words, and its interval in words."""
+    low, high = summary["ci"]
+    sure = level(summary["confidence"])
+    n = summary["rollouts"]["estimation"]
+    if not n:
+        return ("p is not known yet.", "No rollout of the estimation has been answered.")
+    if not summary["events"]:
+        return (
+            f"No such event in {count(n)} rollouts.",
+            f"{sure} interval: at most {significant(high)}, or {one_in(high)} rollouts.",
+        )
+    if low > 0:
+        span = f"{one_in(low)} to {one_in(high)} rollouts"
+    else:
+        span = f"at most {one_in(high)} rollouts"
+    return (
+        f"In about {one_in(summary['p'])} rollouts.",
+        f"{sure} interval: {significant(low)} to {significant(high)}, or {span}.",
+    )
+
+
+def command(job: Job) -> str:
+    """The command line of the job; options that have no flag are in run.json."""
+    flags = {"budget": "--budget", "rel_error": "--rel-error"}
+    said = ["tailroad", "estimate", job.scenario.name if is_built_in(job) else f"{job.scenario.name}.toml"]
+    said += ["--ego", job.ego, "--gamma", f"{job.gamma!r}", "--method", job.method, "--seed", str(job.seed)]
+    for option, flag in flags.items():
+        if job.options.get(option) is not None:
+            said += [flag, str(job.options[option])]
+    return shlex.join(said)
+
+
+def is_built_in(job: Job) -> bool:
+    """The job's scenario is one that comes with tailroad, unchanged."""
+    name = job.scenario.name
+    return name in built_in_names() and load_scenario(name) == job.scenario
+
+
+def shift(vehicle: str, parameter: str, amount: float) -> str:
+    """How a vehicle's start is shifted, in one sentence."""
+    more, less = SHIFTS[parameter]
+    return f"{vehicle} {(more if amount > 0 else less).format(significant(abs(amount), 2))}"
