@@ -109,9 +109,8 @@ class Simulator:
         """
         try:
             return self._run(x, noise, observer)
-        except (
-            Exception
-        ) as error:  # any failure of a black box is a result with its seed, never a lost rollout
+        # any failure of a black box, sys.exit included, is a result with its seed, never a lost rollout
+        except (Exception, SystemExit) as error:
             return Rollout(math.nan, "error", 0, f"{type(error).__name__}: {error}")
 
     def _run(self, x: np.ndarray, noise: int | np.ndarray, observer: Observer | None) -> Rollout:
@@ -120,6 +119,11 @@ class Simulator:
         if self._scenario.drivers.noise == "frozen":
             seed, noise = FROZEN_NOISE_SEED, FROZEN_NOISE_SEED
         normals = noise if isinstance(noise, np.ndarray) else action_noise(seed, self._steps, world.vehicles)
+        if normals.shape != (self._steps, world.vehicles, 2) or normals.dtype != np.float64:
+            raise ValueError(
+                f"noise must be float64 of shape {(self._steps, world.vehicles, 2)}, not {normals.dtype} of "
+                f"shape {normals.shape}"
+            )
 
         starts, driver_weights = unpack(self._scenario, x)
         world.reset(starts, driver_weights)
@@ -141,6 +145,8 @@ class Simulator:
                 raise EgoError(
                     f"ego {ego.name!r} answered ({acceleration}, {turn_rate}) at {observation.time_s:.1f} s"
                 )
+            # a policy may answer with another kind of number; the kernels are compiled for this one
+            acceleration, turn_rate = float(acceleration), float(turn_rate)
             if observer is not None:
                 observer.see(world, observation.time_s, ttc, (acceleration, turn_rate))
             world.advance(acceleration, turn_rate, normals[k])
