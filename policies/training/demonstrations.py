@@ -28,7 +28,7 @@ US101_HELD_OUT_FROM = 500
 # Standard deviations of the injected displacement: metres ahead, metres to the left, radians, m/s.
 INJECTED_SD = np.array([1.5, 0.35, 0.015, 0.7])
 INJECTED_AHEAD_LIMIT_M = 0.3  # at most this share of the gap ahead
-LATERAL_RATE_PER_S = 0.7  # critically damped return with time constant 1/0.7 = 1.4 s
+LATERAL_RATE_PER_S = 0.5  # critically damped return with time constant 1/0.5 = 2 s
 LONGITUDINAL_RATE_PER_S = 0.3
 SPEED_FLOOR_MPS = 4.0
 

@@ -40,8 +40,7 @@ from policies.training.world import Network, i80_road
 CAREFUL = {
     "time_headway_s": 1.2,
     "comfort_mps2": 1.5,
-    "free_mps2": 1.0,
-    "interaction_mps2": 1.0,
+    "acceleration_mps2": 1.0,
     "lateral_rate_per_s": 0.6,
 }
 EXPLORATION_LOG_STD = -2.0  # of the action noise while states are collected
@@ -55,11 +54,11 @@ class Arguments:
     out: Path  # where the weights and their card go
     seed: int = 1
     drivers: str = "drivers-bc"  # weights of the drivers around the ego in the final check
-    rounds: int = 5  # of aggregation
+    rounds: int = 4  # of aggregation
     rollouts: int = 120  # of six egos, in each round
     first_steps: int = 1500  # of AdamW on the recordings alone, before the first round
     round_steps: int = 1500  # in each round
-    final_steps: int = 12_000  # on all rows
+    final_steps: int = 6_000  # on all rows
     batch: int = 1024
     recorded_share: float = 0.2  # of the rows in a batch
     perturbed_share: float = 0.2

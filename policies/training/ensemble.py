@@ -15,7 +15,7 @@ import numpy as np
 
 from policies import layout as O
 
-LOG_STD_RANGE = (-3.0, 0.5)
+LOG_STD_RANGE = (-2.3, 0.5)
 
 
 def refit_head(

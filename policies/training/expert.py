@@ -1,18 +1,20 @@
 """The driver that labels aggregated states: car following and lane keeping, fitted to the recordings.
 
-acceleration = FREE (1 - (v / v0)^4) - INTERACTION ((s0 + max(0, T v + v dv / (2 sqrt(INTERACTION b)))) / gap)^2
+acceleration = a (1 - (v / v0)^4 - ((s0 + max(0, T v + v dv / (2 sqrt(a b)))) / gap)^2)
 turn rate    = v curvature - (w^2 offset + 2 zeta w v sin(heading)) / v
 
-It is the intelligent driver model (Treiber et al. 2000) with a free acceleration of its own, and a damped oscillator
-across the lane. Both carry white noise, because people do not repeat themselves.
+It is the intelligent driver model (Treiber et al. 2000) and a damped oscillator across the lane. Both carry white
+noise, because people do not repeat themselves.
 
 How each parameter is found (`fit`):
-T, INTERACTION, b       simulated follower against recorded follower over whole car-following events (Zhu et al.),
+T, b                    simulated follower against recorded follower over whole car-following events (Zhu et al.),
                         least squares of the logarithm of the spacing; s0 is taken from the literature: the events
                         are all faster than 5 m/s and hardly show it
-FREE, v0                mean acceleration of recorded drivers without a leader within 60 m, by least squares
-w                       stationary moments of lane keeping: the oscillator's w is s.d. of lateral speed / s.d. of offset
-                        within a driver and lane (a regression on noisy offsets would underestimate it)
+a, v0                   mean acceleration of recorded drivers without a leader within 60 m, by least squares
+w                       stationary moments of lane keeping away from lane changes: the oscillator's w is s.d. of lateral
+                        speed / s.d. of offset within a driver and lane (a regression on noisy offsets would
+                        underestimate it). Drivers also differ in where they keep within the lane (s.d. 0.25 m); a
+                        driver without memory cannot, so that part is left out
 noise                   turn rate: the white noise that gives the recorded s.d. of the offset in the stationary state;
                         acceleration: s.d. of the free drivers' accelerations
 """
@@ -44,9 +46,8 @@ class Expert:
 
     standstill_gap_m: float = 2.0
     time_headway_s: float = 1.2
-    interaction_mps2: float = 1.0
     comfort_mps2: float = 2.0
-    free_mps2: float = 0.3
+    acceleration_mps2: float = 0.6
     desired_speed_mps: float = 21.0
     lateral_rate_per_s: float = 0.6
     offset_sd_m: float = 0.2
@@ -60,7 +61,7 @@ def mean_action(expert: Expert, seen: np.ndarray) -> np.ndarray:
     """Action (n, 2) for observations (n, 51): m/s^2 and rad/s, without noise."""
     v = seen[:, O.SPEED_MPS].astype(np.float64)
     gap, closing = leader(seen)
-    free = expert.free_mps2 * (1.0 - (v / expert.desired_speed_mps) ** 4)
+    free = expert.acceleration_mps2 * (1.0 - (v / expert.desired_speed_mps) ** 4)
     accel = free - _interaction(expert, v, gap, closing)
     rate = expert.lateral_rate_per_s
     across = rate**2 * seen[:, O.LANE_OFFSET_M] + 2.0 * DAMPING_RATIO * rate * v * np.sin(
@@ -99,9 +100,9 @@ def leader(seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _interaction(expert: Expert, v, gap, closing):
-    root = 2.0 * np.sqrt(expert.interaction_mps2 * expert.comfort_mps2)
+    root = 2.0 * np.sqrt(expert.acceleration_mps2 * expert.comfort_mps2)
     wanted = expert.standstill_gap_m + np.maximum(0.0, expert.time_headway_s * v + v * closing / root)
-    return expert.interaction_mps2 * (wanted / np.maximum(gap, 0.5)) ** 2
+    return expert.acceleration_mps2 * (wanted / np.maximum(gap, 0.5)) ** 2
 
 
 @dataclass(frozen=True)
@@ -137,16 +138,25 @@ def evidence(data: Path | str, scenes: list[Scene], train: list[np.ndarray]) -> 
         sideways = np.gradient(scene.lateral, DT_S, axis=0)
         for j in np.flatnonzero(keep):
             use = scene.usable[:, j]
+            keeping = use & ~_near_lane_change(scene.lane[:, j])
             ahead = _next_ahead(scene, j)
             clear = use & (ahead > FREE_GAP_M) & (scene.speed[:, j] > 5.0)
             free.append(np.column_stack([scene.speed[clear, j], scene.accel[clear, j]]))
             track.append(np.full(int(clear.sum()), 1000 * number + j))
             for lane in np.unique(scene.lane[use, j]):
-                there = use & (scene.lane[:, j] == lane) & (scene.speed[:, j] > 3.0)
+                there = keeping & (scene.lane[:, j] == lane) & (scene.speed[:, j] > 3.0)
                 if there.sum() >= 60:
                     o, u = offset[there, j], sideways[there, j]
                     lateral.append([there.sum(), o.var(), np.mean(u**2)])
     return Evidence(following, np.concatenate(free), np.concatenate(track), np.array(lateral))
+
+
+def _near_lane_change(lane: np.ndarray, frames: int = 40) -> np.ndarray:
+    """(F,) bool: within `frames` of a change of lane."""
+    near = np.zeros(len(lane), dtype=bool)
+    for change in np.flatnonzero(np.diff(lane) != 0):
+        near[max(0, change - frames) : change + frames + 1] = True
+    return near
 
 
 def _next_ahead(scene: Scene, j: int) -> np.ndarray:
@@ -166,27 +176,26 @@ def fit(found: Evidence, start: Expert | None = None, rng: np.random.Generator |
         count = np.bincount(rng.integers(0, len(tracks), len(tracks)), minlength=len(tracks))
         free = np.repeat(free, count[inverse], axis=0)
     expert = _fit_free(start or Expert(), free)
-    # the median driver: lane changes inflate a mean; it is what the recordings call lane keeping
-    offset_sd = float(np.sqrt(np.median(lateral[:, 1])))
-    rate = float(np.sqrt(np.median(lateral[:, 2]) / np.median(lateral[:, 1])))
+    _, variance, square = np.average(lateral, axis=0, weights=lateral[:, 0])
+    offset_sd, rate = float(np.sqrt(variance)), float(np.sqrt(square / variance))
     expert = replace(expert, lateral_rate_per_s=rate, offset_sd_m=offset_sd)
     return _fit_following(expert, following, 60 if start is not None else 300)
 
 
 def _fit_free(expert: Expert, free: np.ndarray) -> Expert:
-    """FREE and v0 from mean accelerations; acceleration is linear in FREE and FREE / v0^4."""
+    """a and v0 from mean accelerations, which are linear in a and a / v0^4."""
     v, a = free.T
     design = np.column_stack([np.ones_like(v), -(v**4)])
     (f, ratio), *_ = np.linalg.lstsq(design, a, rcond=None)
     f = float(np.clip(f, 0.1, 2.0))
     v0 = float(np.clip((f / max(ratio, 1e-9)) ** 0.25, 15.0, SPEED_LIMIT_MPS))
     sd = float((a - f * (1.0 - (v / v0) ** 4)).std())
-    return replace(expert, free_mps2=f, desired_speed_mps=v0, acceleration_noise_mps2=sd)
+    return replace(expert, acceleration_mps2=f, desired_speed_mps=v0, acceleration_noise_mps2=sd)
 
 
 def _fit_following(expert: Expert, following: np.ndarray, evaluations: int) -> Expert:
-    names = ("time_headway_s", "interaction_mps2", "comfort_mps2")
-    low, high = np.log([0.3, 0.2, 0.7]), np.log([3.0, 4.0, 6.0])
+    names = ("time_headway_s", "comfort_mps2")
+    low, high = np.log([0.3, 0.5]), np.log([3.0, 6.0])
 
     def with_values(logs):
         return replace(expert, **dict(zip(names, np.exp(np.clip(logs, low, high)).tolist(), strict=True)))
@@ -208,7 +217,7 @@ def _spacing_error(expert: Expert, following: np.ndarray) -> float:
     total, count = 0.0, 0
     for k in range(1, following.shape[1]):
         recorded, lead = following[:, k, 0], following[:, k, 2]
-        accel = expert.free_mps2 * (1.0 - (v / expert.desired_speed_mps) ** 4)
+        accel = expert.acceleration_mps2 * (1.0 - (v / expert.desired_speed_mps) ** 4)
         accel = accel - _interaction(expert, v, gap, v - following[:, k - 1, 2])
         new = np.maximum(v + np.clip(accel, -8.0, 4.0) * DT_S, 0.0)
         gap = np.maximum(gap + DT_S * (0.5 * (lead + following[:, k - 1, 2]) - 0.5 * (v + new)), 0.1)

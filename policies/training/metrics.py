@@ -30,6 +30,7 @@ from service.sim.projection import place
 from service.sim.road import Road, road_of
 
 HARD_BRAKE_MPS2 = -3.0
+MINIMUM_VEHICLES = 5  # horizons with fewer held-out drivers are not reported
 
 
 def share(count: int, n: int) -> dict:
@@ -110,11 +111,11 @@ def whole_road(
 
 
 def nll(network: Network, features: np.ndarray, action: np.ndarray) -> np.ndarray:
-    """Negative log likelihood (n,) of actions (n, 2) m/s^2, rad/s, in scaled units as in training."""
+    """Negative log likelihood (n, 2) of accelerations and turn rates (n, 2) m/s^2, rad/s, in scaled units."""
     outputs = np.column_stack([features, np.ones(len(features))]) @ network.head.reshape(-1, O.OUTPUTS)
     log_std = np.clip(outputs[:, 2:], O.LOG_STD_MIN, O.LOG_STD_MAX)
     z = (action / network.action_scale - outputs[:, :2]) * np.exp(-log_std)
-    return 0.5 * (z**2).sum(axis=1) + log_std.sum(axis=1) + np.log(2.0 * np.pi)
+    return 0.5 * z**2 + log_std + 0.5 * np.log(2.0 * np.pi)
 
 
 def held_out_windows(scenes: list[Scene], seconds: float, every_s: float = 5.0) -> list[tuple[int, int, int]]:
@@ -188,7 +189,7 @@ def closed_loop(
             ds = scene.speed[start, v] * horizon - (scene.station[start + steps, v] - scene.station[start, v])
             dd = scene.lateral[start, v] - scene.lateral[start + steps, v]
             straight.append([np.hypot(ds, dd), scene.speed[start, v] - target[3], dd])
-        if not errors:
+        if len(set(owner)) < MINIMUM_VEHICLES:
             continue
         errors, straight = np.array(errors), np.array(straight)
         vehicles, index = np.unique(np.array(owner), axis=0, return_inverse=True)

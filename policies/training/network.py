@@ -4,13 +4,14 @@ import numpy as np
 import torch
 from rich.progress import Progress
 from torch import Tensor, nn
+from torch.nn import functional as F
 
 from policies import layout as O
 from policies.training.world import Network
 
 ACTION_SCALE = np.array([1.0, 0.05])  # m/s^2, rad/s: about the spread of a driver's actions
 FLAGS = slice(O.COLLISION, O.REVERSING + 1)
-LOG_STD_FLOOR = -3.0  # no driver is more certain than 0.05 m/s^2 and 0.0025 rad/s
+LOG_STD_FLOOR = -2.3  # no driver is more certain than 0.1 m/s^2 and 0.005 rad/s
 
 
 class DriverNet(nn.Module):
@@ -28,12 +29,13 @@ class DriverNet(nn.Module):
             self.head.weight *= 0.1
             self.head.bias[2:] = -1.0
 
-    def features(self, seen: Tensor) -> Tensor:
+    def features(self, seen: Tensor, dropout: float = 0.0) -> Tensor:
         x = (seen - self.mean) * self.scale
-        return torch.relu(self.second(torch.relu(self.first(x))))
+        x = F.dropout(torch.relu(self.first(x)), dropout, training=dropout > 0.0)
+        return F.dropout(torch.relu(self.second(x)), dropout, training=dropout > 0.0)
 
-    def forward(self, seen: Tensor) -> Tensor:
-        return self.head(self.features(seen))
+    def forward(self, seen: Tensor, dropout: float = 0.0) -> Tensor:
+        return self.head(self.features(seen, dropout))
 
 
 def input_statistics(seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -64,7 +66,8 @@ def train(
     *,
     batch: int = 1024,
     rate: float = 1e-3,
-    decay: float = 1e-3,
+    decay: float = 0.1,
+    dropout: float = 0.0,
     progress: Progress | None = None,
     label: str = "training",
     deterministic: bool = False,
@@ -87,7 +90,7 @@ def train(
     for step in range(steps):
         index = torch.as_tensor(np.minimum(np.searchsorted(share, rng.random(batch)), len(share) - 1))
         target = labels[index] + spread[index] * torch.randn(batch, 2, generator=generator)
-        outputs = net(inputs[index])
+        outputs = net(inputs[index], dropout)
         if deterministic:
             loss = (outputs[:, :2] - labels[index]).square().sum(dim=1).mean()
         else:
