@@ -12,6 +12,7 @@ import os
 import re
 import shutil
 import subprocess
+import sysconfig
 import tempfile
 from pathlib import Path
 
@@ -43,9 +44,9 @@ def write_sources(name: str, geometry: Path, folder: Path | None = None) -> list
 
 
 def find_netconvert(given: str | None = None) -> str:
-    """Path of netconvert: as given, else $NETCONVERT, else on PATH; NetworkError if there is none."""
+    """Path of netconvert: as given, else $NETCONVERT, else beside this Python, else on PATH; NetworkError if none."""
     wanted = given or os.environ.get("NETCONVERT") or "netconvert"
-    found = shutil.which(wanted)
+    found = shutil.which(wanted, path=sysconfig.get_path("scripts")) or shutil.which(wanted)
     if found is None:
         raise NetworkError(
             f"no program {wanted!r}; netconvert comes with SUMO (for example `pip install eclipse-sumo`): "

@@ -30,7 +30,9 @@ SMOOTHING_M = 150.0  # undulations of the drawn lines shorter than this are take
 # SUMO's moveToXY looks at every vertex of every lane of the edges nearby, so a world that places vehicles each step
 # is as fast as edges are short and vertices few (deploy/decisions/0001-i80-geometry.md has the measurement).
 EDGE_M = 105.0  # the mainline's edges are no longer than this
-CHORD_M = 21.0  # vertex spacing: ripples of this length are taken out when the lanes are read (chain.SMOOTHING_M)
+CHORD_M = (
+    21.0  # vertex spacing: ripples of this length are taken out when the lanes are read (chain.SMOOTHING_M)
+)
 RAMP_POINT_STEP_M = 20.0  # vertex spacing on the ramps
 
 # Stations of the cross-section's changes, read off the CAD lines (see the decision record).

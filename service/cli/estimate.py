@@ -48,6 +48,13 @@ NOT_PRECISE = 3
     type=click.FloatRange(0, 1, min_open=True, max_open=True),
     help="ce: quantile level.  [default: 0.01]",
 )
+@click.option(
+    "--step", type=click.FloatRange(0, 1, min_open=True), help="ce: alpha, the step size.  [default: 0.8]"
+)
+@click.option("--mean-box", type=click.FloatRange(0, min_open=True), callback=finite,
+              help="ce: how far each driver weight's mean may move.  [default: 0.01]")  # fmt: skip
+@click.option("--max-kl", type=click.FloatRange(0, min_open=True), callback=finite,
+              help="ce: how far the proposal may move from the base, in nats.  [default: no limit, as the paper]")  # fmt: skip
 @workers_option()
 @seed_option()
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="Run directory.  "
@@ -67,6 +74,9 @@ def command(
     iterations: int | None,
     samples_per_iteration: int | None,
     rho: float | None,
+    step: float | None,
+    mean_box: float | None,
+    max_kl: float | None,
     workers: int | None,
     seed: int,
     out: Path | None,
@@ -88,7 +98,14 @@ def command(
             raise InputError("give the event's threshold, as in --gamma 0.2 (seconds of time to collision)")
         name = scenario or "i80-10s"
         common = {"rel_error": rel_error, "confidence": confidence, "budget": budget}
-        search = {"iterations": iterations, "samples_per_iteration": samples_per_iteration, "rho": rho}
+        search = {
+            "iterations": iterations,
+            "samples_per_iteration": samples_per_iteration,
+            "rho": rho,
+            "step": step,
+            "mean_box": mean_box,
+            "max_kl": max_kl,
+        }
         loaded = load_scenario(name)
         check_road(loaded, name)
         jobs = []
