@@ -9,6 +9,8 @@ TailroadError                 everything that a user can put right; its text say
 └── WorkerError               a process died while it ran a rollout
 """
 
+LONGEST_VALUE = 200  # characters of a wrong value that a message shows
+
 
 class TailroadError(Exception):
     """Something that the user can put right."""
@@ -24,7 +26,7 @@ class ScenarioError(InputError):
     def __init__(self, source: str, key: str, given: object, remedy: str):
         self.source, self.key, self.given, self.remedy = source, key, given, remedy
         where = f"{source}: {key}" if key else source
-        said = "" if given is None else f" is {given!r}"
+        said = "" if given is None else f" is {_shortened(repr(given))}"
         super().__init__(f"{where}{said}: {remedy}")
 
 
@@ -42,3 +44,7 @@ class StoreError(TailroadError):
 
 class WorkerError(TailroadError):
     """A worker process died."""
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."

@@ -3,6 +3,8 @@
 import math
 import re
 
+import numpy as np
+
 from service.errors import ScenarioError
 from service.scenario.schema import Beta, Scenario, Vehicle
 from sumo_nets.corridor import Corridor, load_corridor
@@ -39,11 +41,11 @@ def check_values(scenario: Scenario, source: str) -> None:
         refuse("time.step_s", step, "SUMO's clock counts whole milliseconds; give a multiple of 0.001")
     if scenario.time.horizon_s < step:
         refuse("time.horizon_s", scenario.time.horizon_s, f"give at least one step ({step} s)")
-    if scenario.steps > MAX_STEPS:
+    if scenario.time.horizon_s > MAX_STEPS * step:
         refuse(
             "time.horizon_s",
             scenario.time.horizon_s,
-            f"gives {scenario.steps} steps; at most {MAX_STEPS} fit",
+            f"more than {MAX_STEPS} steps; give at most {MAX_STEPS * step:g} s",
         )
     if abs(scenario.steps * step - scenario.time.horizon_s) > 1e-6:
         refuse("time.horizon_s", scenario.time.horizon_s, f"not a whole number of steps of {step} s")
@@ -87,6 +89,8 @@ def check_road(scenario: Scenario, source: str) -> Corridor:
         corridor = load_corridor(network.road, list(network.edges) or None)
     except NetworkError as error:
         raise ScenarioError(source, "network.road", network.road, str(error)) from error
+    except (OSError, ValueError) as error:
+        raise ScenarioError(source, "network.road", network.road, f"cannot be opened: {error}") from error
     lanes = corridor.lane_left.shape[0]
     for i, vehicle in enumerate(scenario.vehicles):
         key = f"vehicles[{i}].lane"
@@ -108,6 +112,7 @@ def check_road(scenario: Scenario, source: str) -> Corridor:
                 vehicle.lane,
                 f"lane {vehicle.lane} does not exist over {station.low:g} to {station.high:g} m",
             )
+    _check_side_by_side(scenario, source, corridor)
     return corridor
 
 
@@ -144,3 +149,36 @@ def _check_overlaps(scenario: Scenario, source: str) -> None:
                     f"{b.name} can start on top of {a.name}, which starts at {sa.low:g} to {sa.high:g} m in the same "
                     f"lane {a.lane}; keep the ranges {room:g} m apart or use another lane",
                 )
+
+
+def _check_side_by_side(scenario: Scenario, source: str, corridor: Corridor) -> None:
+    """Refuse two vehicles of different lanes whose boxes could overlap at the start."""
+    for j, b in enumerate(scenario.vehicles):
+        for a in scenario.vehicles[:j]:
+            room = 0.5 * (scenario.of(a, "length_m") + scenario.of(b, "length_m"))
+            sa, sb = scenario.of(a, "station_m"), scenario.of(b, "station_m")
+            if a.lane == b.lane or sa.low - room >= sb.high or sb.low - room >= sa.high:
+                continue
+            stations = np.arange(math.floor(min(sa.low, sb.low)), max(sa.high, sb.high) + 1.0, corridor.ds_m)
+            between = corridor.lane_center(a.lane - 1, stations) - corridor.lane_center(b.lane - 1, stations)
+            low_a, high_a = _reach_m(scenario, a)
+            low_b, high_b = _reach_m(scenario, b)
+            if ((between + low_a < high_b) & (between + high_a > low_b)).any():
+                offset = scenario.of(b, "lane_offset_m")
+                raise ScenarioError(
+                    source,
+                    _key(b, j, "lane_offset_m"),
+                    f"{offset.low:g} to {offset.high:g}",
+                    f"{b.name} in lane {b.lane} can start on top of {a.name} in lane {a.lane}; narrow the lane offsets "
+                    "or headings, or keep the stations apart",
+                )
+
+
+def _reach_m(scenario: Scenario, vehicle: Vehicle) -> tuple[float, float]:
+    """How far the vehicle's box can reach to the right (negative) and left of its lane's centre at the start."""
+    heading = scenario.of(vehicle, "heading_deg")
+    turned = math.radians(max(abs(heading.low), abs(heading.high)))
+    length, width = scenario.of(vehicle, "length_m"), scenario.of(vehicle, "width_m")
+    half = 0.5 * (width * math.cos(turned) + length * math.sin(turned))
+    offset = scenario.of(vehicle, "lane_offset_m")
+    return offset.low - half, offset.high + half

@@ -1,17 +1,19 @@
 """Read a scenario and refuse a wrong one, before any work starts, with the file, the key, the value and a remedy."""
 
+import contextlib
 import difflib
 import hashlib
 import math
 import re
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
 
 import msgspec
 
 from service.errors import ScenarioError
-from service.scenario.check import check_values
+from service.scenario.check import DISTRIBUTIONS, check_values
 from service.scenario.schema import FORMAT, Scenario
 
 FOLDER = Path(__file__).parent
@@ -44,7 +46,16 @@ UNIT_ENDINGS = "|".join(
         "m",
     ]
 )
+KINDS = {  # msgspec's names of TOML's kinds of values
+    "int": "a whole number",
+    "float": "a number",
+    "str": "text in quotes",
+    "bool": "true or false",
+    "object": "a table",
+    "array": "a list",
+}
 MAX_BYTES = 1_000_000
+TOO_DEEP = "nested too deeply; a scenario has a few levels"
 
 
 def built_in_names() -> list[str]:
@@ -64,17 +75,23 @@ def load_scenario(name_or_path: str) -> Scenario:
         if path.stat().st_size > MAX_BYTES:
             raise ScenarioError(source, "", None, f"larger than {MAX_BYTES} bytes; this is not a scenario")
         data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(source, "", None, f"not valid TOML: {error}") from error
     except UnicodeDecodeError as error:
         raise ScenarioError(source, "", None, f"not a text file in UTF-8: {error}") from error
+    except ValueError as error:  # tomllib's own error is one, and so is a number with thousands of digits
+        raise ScenarioError(source, "", None, f"not valid TOML: {error}") from error
     except OSError as error:
         raise ScenarioError(source, "", None, f"cannot be read: {error.strerror or error}") from error
+    except RecursionError as error:
+        raise ScenarioError(source, "", None, TOO_DEEP) from error
     return parse_scenario(data, source, path.parent)
 
 
 def parse_scenario(data: dict[str, Any], source: str, folder: Path) -> Scenario:
     """The scenario in `data`, as read from `source`; paths in it are relative to `folder`."""
+    try:
+        _refuse_unusable_numbers(data, "", source)
+    except RecursionError as error:
+        raise ScenarioError(source, "", None, TOO_DEEP) from error
     if data.get("format") != FORMAT:
         raise ScenarioError(
             source,
@@ -82,12 +99,11 @@ def parse_scenario(data: dict[str, Any], source: str, folder: Path) -> Scenario:
             data.get("format"),
             f"this tailroad reads scenario format {FORMAT}; write format = {FORMAT}",
         )
-    _refuse_non_finite(data, "", source)
     try:
         scenario = msgspec.convert(data, Scenario, strict=True)
     except msgspec.ValidationError as error:
         raise _explain(str(error), data, source) from error
-    scenario = _resolve_paths(scenario, folder)
+    scenario = _resolve_paths(scenario, source, folder)
     check_values(scenario, source)
     return scenario
 
@@ -102,8 +118,9 @@ def _find(name_or_path: str) -> Path:
     if name_or_path in built_in_names():
         return built_in
     path = Path(name_or_path)
-    if path.is_file():
-        return path
+    with contextlib.suppress(OSError, ValueError):  # a name that no file can have
+        if path.is_file():
+            return path
     if path.suffix == ".toml" or len(path.parts) > 1:
         raise ScenarioError(
             name_or_path, "", None, "no such file; check the path, or see `tailroad scenario list`"
@@ -113,25 +130,35 @@ def _find(name_or_path: str) -> Path:
     raise ScenarioError(name_or_path, "", None, f"no scenario of that name and no such file; {hint}")
 
 
-def _resolve_paths(scenario: Scenario, folder: Path) -> Scenario:
+def _resolve_paths(scenario: Scenario, source: str, folder: Path) -> Scenario:
     """Paths relative to the scenario's file become absolute."""
+
+    def absolute(key: str, path: str) -> str:
+        try:
+            return str((folder / path).resolve())
+        except (OSError, ValueError) as error:
+            raise ScenarioError(source, key, path, f"not a path ({error}); check it") from error
+
     network, drivers = scenario.network, scenario.drivers
     if network.road.endswith(".xml") or network.road.endswith(".xml.gz"):
-        network = msgspec.structs.replace(network, road=str((folder / network.road).resolve()))
+        network = msgspec.structs.replace(network, road=absolute("network.road", network.road))
     if drivers.weights.endswith(".safetensors"):
-        drivers = msgspec.structs.replace(drivers, weights=str((folder / drivers.weights).resolve()))
+        drivers = msgspec.structs.replace(drivers, weights=absolute("drivers.weights", drivers.weights))
     return msgspec.structs.replace(scenario, network=network, drivers=drivers)
 
 
-def _refuse_non_finite(value: Any, key: str, source: str) -> None:
+def _refuse_unusable_numbers(value: Any, key: str, source: str) -> None:
     if isinstance(value, dict):
         for name, item in value.items():
-            _refuse_non_finite(item, f"{key}.{name}" if key else name, source)
+            _refuse_unusable_numbers(item, f"{key}.{name}" if key else name, source)
     elif isinstance(value, list):
         for index, item in enumerate(value):
-            _refuse_non_finite(item, f"{key}[{index}]", source)
+            _refuse_unusable_numbers(item, f"{key}[{index}]", source)
     elif isinstance(value, float) and not math.isfinite(value):
         raise ScenarioError(source, key, value, "not a finite number; give a finite one")
+    elif isinstance(value, int) and value.bit_length() > 63:
+        given = f"an integer of {value.bit_length()} bits"
+        raise ScenarioError(source, key, given, "too large; give a number below 9e18")
 
 
 def _explain(message: str, data: dict[str, Any], source: str) -> ScenarioError:
@@ -145,7 +172,20 @@ def _explain(message: str, data: dict[str, Any], source: str) -> ScenarioError:
     if missing := re.match(r"Object missing required field `(.*)`", what):
         key = f"{path}.{missing[1]}" if path else missing[1]
         return ScenarioError(source, key, None, f"missing; add it{_unit_hint(missing[1])}")
-    return ScenarioError(source, path, _value_at(data, path), what[:1].lower() + what[1:])
+    return ScenarioError(source, path, _value_at(data, path), _remedy(what, path.rpartition(".")[2]))
+
+
+def _remedy(what: str, key: str) -> str:
+    """What to do about msgspec's complaint `what` about the value of `key`."""
+    if what.startswith("Invalid") and key in (choices := _choices()):
+        return f"give {' or '.join(repr(choice) for choice in choices[key])}"
+    expected = re.match(r"Expected `(\w+)(?: \| null)?`, got `(\w+)`", what)
+    if not expected:
+        return f"{what[:1].lower()}{what[1:]}; see `tailroad scenario show i80` for an example"
+    if expected[1] == "object" and key in DISTRIBUTIONS:
+        return 'give a distribution, as in { distribution = "beta", alpha = 2.0, beta = 2.0, low = 0.0, high = 1.0 }'
+    wanted, found = (KINDS.get(kind, kind) for kind in expected.groups())
+    return f"give {wanted}{_unit_hint(key)}, not {found}"
 
 
 def _suggest(name: str, path: str) -> str:
@@ -168,16 +208,25 @@ def _unit_hint(key: str) -> str:
     return ""
 
 
-def _known_keys() -> list[str]:
-    keys: set[str] = set()
+def _fields() -> Iterator[msgspec.structs.FieldInfo]:
+    """All fields of a scenario and of the tables in it."""
     pending: list[Any] = [Scenario]
     while pending:
         for field in msgspec.structs.fields(pending.pop()):
-            keys.add(field.encode_name)
+            yield field
             for item in (field.type, *getattr(field.type, "__args__", ())):
                 if isinstance(item, type) and issubclass(item, msgspec.Struct):
                     pending.append(item)
-    return sorted(keys | {"distribution"})
+
+
+def _known_keys() -> list[str]:
+    return sorted({field.encode_name for field in _fields()} | {"distribution"})
+
+
+def _choices() -> dict[str, tuple[str, ...]]:
+    """The values of keys that have a few."""
+    literals = {f.encode_name: get_args(f.type) for f in _fields() if get_origin(f.type) is Literal}
+    return {"distribution": ("beta",)} | literals
 
 
 def _value_at(data: Any, path: str) -> Any:
