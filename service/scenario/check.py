@@ -90,7 +90,8 @@ def check_road(scenario: Scenario, source: str) -> Corridor:
     except NetworkError as error:
         raise ScenarioError(source, "network.road", network.road, str(error)) from error
     except (OSError, ValueError) as error:
-        raise ScenarioError(source, "network.road", network.road, f"cannot be opened: {error}") from error
+        reason = getattr(error, "strerror", None) or error
+        raise ScenarioError(source, "network.road", network.road, f"cannot be opened: {reason}") from error
     lanes = corridor.lane_left.shape[0]
     for i, vehicle in enumerate(scenario.vehicles):
         key = f"vehicles[{i}].lane"
