@@ -91,7 +91,9 @@ def save_drivers(path: Path | str, arrays: dict[str, np.ndarray], card: dict) ->
     """Write the arrays of a `DriverModel` and its card; returns the path of the weights."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    stored = {key: np.ascontiguousarray(value, dtype=_SHAPES[key][1]) for key, value in arrays.items()}
+    stored: dict[str, np.ndarray] = {
+        key: np.ascontiguousarray(value, dtype=_SHAPES[key][1]) for key, value in arrays.items()
+    }
     stored[_LOWER] = stored.pop("sigma0")[np.tril_indices(HEAD_SIZE)]
     save_file(stored, path, metadata={"format": "tailroad-drivers-1"})
     path.with_suffix(".json").write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
@@ -129,7 +131,7 @@ def _card(path: Path) -> dict[str, Any]:
 def _checked(path: Path, arrays: dict[str, np.ndarray], card: dict[str, Any]) -> DriverModel:
     values = {}
     for key, (shape, kind) in _SHAPES.items():
-        array = np.ascontiguousarray(arrays[key], dtype=kind)
+        array: np.ndarray = np.ascontiguousarray(arrays[key], dtype=kind)
         if array.shape != shape:
             raise WeightsError(f"{path}: {key} has shape {array.shape}, expected {shape}")
         if not np.isfinite(array).all():

@@ -263,7 +263,8 @@ def _project(points: np.ndarray, curve) -> tuple[np.ndarray, np.ndarray]:
 
 def _scene(name: str, table: pl.DataFrame, road: SceneRoad) -> Scene:
     """Smooth every gap-free piece of every track and lay them out on a common (frame, vehicle) grid."""
-    frames = np.arange(int(table["frame"].min()), int(table["frame"].max()) + 1)
+    numbers = table["frame"].to_numpy()
+    frames = np.arange(numbers.min(), numbers.max() + 1)
     ids = np.sort(table["vehicle_id"].unique().to_numpy())
     shape = (len(frames), len(ids))
     out = {
@@ -273,7 +274,7 @@ def _scene(name: str, table: pl.DataFrame, road: SceneRoad) -> Scene:
     length, width = np.zeros(len(ids)), np.zeros(len(ids))
     for (vehicle,), track in table.group_by(["vehicle_id"], maintain_order=True):
         column = int(np.searchsorted(ids, vehicle))
-        length[column], width[column] = track["length"].median(), track["width"].median()
+        length[column], width[column] = (np.median(track[key].to_numpy()) for key in ("length", "width"))
         frame = track["frame"].to_numpy()
         if (np.diff(frame) <= 0).any():
             raise DataError(f"{name}: vehicle {vehicle} has two rows with the same frame")

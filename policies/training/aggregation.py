@@ -12,9 +12,10 @@ from policies.training.world import (
     T_TAKEN_OVER,
     Network,
     rollout,
+    scene_road,
     standard_starts,
 )
-from service.sim.road import Road, road_of
+from service.sim.road import Road
 
 WIDE_SHARE = 0.4  # of rollouts with harder starts than the scenario's
 SYNTHETIC_SHARE = 0.25  # of rollouts on a winding road, so that the curves of I-80 are not all a driver knows
@@ -35,7 +36,7 @@ def winding_road(rng: np.random.Generator, length_m: float = 1500.0) -> Road:
     x, y = (
         np.concatenate([[0.0], np.cumsum(f(0.5 * (heading[1:] + heading[:-1])))]) for f in (np.cos, np.sin)
     )
-    return road_of(straight_lanes("winding", length_m, 6, 3.66, (x, y, heading, curvature)))
+    return scene_road(straight_lanes("winding", length_m, 6, 3.66, (x, y, heading, curvature)))
 
 
 def visited(

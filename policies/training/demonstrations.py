@@ -17,7 +17,7 @@ import numpy as np
 
 from policies import layout as O
 from policies.data.scenes import Scene
-from policies.training.world import BEAM_TABLE, observe_recorded, road_of
+from policies.training.world import BEAM_TABLE, observe_recorded, scene_road
 
 RECORDED, PERTURBED, AGGREGATED = 0, 1, 2
 
@@ -100,7 +100,7 @@ def correction(shift: np.ndarray, speed: np.ndarray) -> np.ndarray:
 
 
 def _rows(scene: Scene, frame, vehicle, shift, kind: int) -> Rows:
-    road = road_of(scene.road)
+    road = scene_road(scene.road)
     state = np.stack([scene.x, scene.y, scene.heading, scene.speed], axis=-1)
     size = np.column_stack([scene.length_m, scene.width_m])
     seen = np.zeros((len(frame), O.OBSERVATION_SIZE))

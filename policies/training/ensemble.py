@@ -111,7 +111,7 @@ def head_distribution(
     root = np.linalg.cholesky(target)
     z = np.linalg.solve(root, (members - mean).T).T
     scores = {a: _left_out(z, a) for a in SHRINKAGES}
-    best = max(scores, key=scores.get)
+    best = max(scores, key=lambda a: scores[a])
     inner = (1.0 - best) * (z.T @ z) / (m - 1) + best * np.eye(d)
     covariance = root @ inner @ root.T
     return HeadDistribution(mean, 0.5 * (covariance + covariance.T), best, FLOOR_SD), scores

@@ -139,7 +139,7 @@ def evidence(data: Path | str, scenes: list[Scene], train: list[np.ndarray]) -> 
         for j in np.flatnonzero(keep):
             use = scene.usable[:, j]
             keeping = use & ~_near_lane_change(scene.lane[:, j])
-            ahead = _next_ahead(scene, j)
+            ahead = _next_ahead(scene, int(j))
             clear = use & (ahead > FREE_GAP_M) & (scene.speed[:, j] > 5.0)
             free.append(np.column_stack([scene.speed[clear, j], scene.accel[clear, j]]))
             track.append(np.full(int(clear.sum()), 1000 * number + j))

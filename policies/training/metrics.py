@@ -23,11 +23,12 @@ from policies.training.world import (
     T_Y_M,
     Network,
     rollout,
+    scene_road,
     standard_starts,
 )
 from service import agents as A
 from service.sim.projection import place
-from service.sim.road import Road, road_of
+from service.sim.road import Road
 
 HARD_BRAKE_MPS2 = -3.0
 MINIMUM_VEHICLES = 5  # horizons with fewer held-out drivers are not reported
@@ -148,7 +149,7 @@ def closed_loop(
     Root mean squares over windows and samples; beside them constant velocity (along the lane). Windows differ between
     horizons: each needs its own length of recording. Intervals: bootstrap over vehicles.
     """
-    roads = [road_of(scene.road) for scene in scenes]
+    roads = [scene_road(scene.road) for scene in scenes]
     result = {}
     for horizon in horizons_s:
         steps = round(horizon / DT_S)
@@ -191,15 +192,15 @@ def closed_loop(
             straight.append([np.hypot(ds, dd), scene.speed[start, v] - target[3], dd])
         if len(set(owner)) < MINIMUM_VEHICLES:
             continue
-        errors, straight = np.array(errors), np.array(straight)
+        error, still = np.array(errors), np.array(straight)
         vehicles, index = np.unique(np.array(owner), axis=0, return_inverse=True)
         result[f"{horizon:g}s"] = {
             "windows": len(straight),
             "vehicles": len(vehicles),
-            "rmse_position_m": _rmse(errors[:, 0], index.ravel(), rng),
-            "rmse_speed_mps": _rmse(errors[:, 1], index.ravel(), rng),
-            "rmse_lateral_m": _rmse(errors[:, 2], index.ravel(), rng),
-            "constant_velocity": [round(float(x), 3) for x in np.sqrt((straight**2).mean(axis=0))],
+            "rmse_position_m": _rmse(error[:, 0], index.ravel(), rng),
+            "rmse_speed_mps": _rmse(error[:, 1], index.ravel(), rng),
+            "rmse_lateral_m": _rmse(error[:, 2], index.ravel(), rng),
+            "constant_velocity": [round(float(x), 3) for x in np.sqrt((still**2).mean(axis=0))],
             "hard_brake_share": round(events[1] / events[0], 5),
             "off_road_share": round(events[2] / events[0], 5),
             "collision_share": round(events[3] / events[0], 5),

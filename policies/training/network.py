@@ -17,6 +17,9 @@ LOG_STD_FLOOR = -2.3  # no driver is more certain than 0.1 m/s^2 and 0.005 rad/s
 class DriverNet(nn.Module):
     """51 -> 200 -> 100 -> 4 with ReLU; inputs are standardised inside, by mean and spread (51,)."""
 
+    mean: Tensor
+    scale: Tensor
+
     def __init__(self, mean: np.ndarray, spread: np.ndarray):
         super().__init__()
         self.register_buffer("mean", torch.as_tensor(mean, dtype=torch.float32))
@@ -104,9 +107,9 @@ def train(
             net.first.weight[:, FLAGS] = 0.0
         if step % 50 == 0:
             losses.append(float(loss.detach()))
-        if progress:
+        if progress and task is not None:
             progress.update(task, advance=1, description=f"{label} (loss {losses[-1]:.3f})")
-    if progress:
+    if progress and task is not None:
         progress.remove_task(task)
     return losses
 
@@ -128,9 +131,10 @@ def exported(net: DriverNet, seen: np.ndarray) -> Network:
     w2 = net.second.weight.double().numpy().T / level
     b2 = net.second.bias.double().numpy() / level
     head = np.vstack([net.head.weight.double().numpy().T * level[:, None], net.head.bias.double().numpy()])
-    return Network(
-        *(np.ascontiguousarray(a, dtype=np.float32) for a in (w1, b1, w2, b2, head.reshape(-1))), ACTION_SCALE
+    w1, b1, w2, b2, last = (
+        np.ascontiguousarray(a, dtype=np.float32) for a in (w1, b1, w2, b2, head.reshape(-1))
     )
+    return Network(w1, b1, w2, b2, last, ACTION_SCALE)
 
 
 @torch.no_grad()

@@ -5,11 +5,12 @@ rollouts (for data set aggregation and for the metrics of the cards) run without
 """
 
 import itertools
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from policies import layout as O
+from policies.data.scenes import SceneRoad
 from policies.jit import kernel
 from policies.network import forward
 from service import agents as A
@@ -17,7 +18,7 @@ from service.sensors.lidar import beam_directions
 from service.sim.projection import place
 from service.sim.road import Road, road_of
 from service.sim.step import NO_EGO, advance_all, observe
-from sumo_nets.corridor import load_corridor
+from sumo_nets.corridor import Corridor, load_corridor
 
 BEAM_TABLE = beam_directions(O.BEAMS)
 DT_S = 0.1
@@ -37,6 +38,11 @@ class Network(NamedTuple):
 def i80_road() -> Road:
     """The built-in I-80 road."""
     return road_of(load_corridor("i80"))
+
+
+def scene_road(road: SceneRoad) -> Road:
+    """The kernels' tables of a recorded road, whose fields are named as a corridor's."""
+    return road_of(cast(Corridor, road))
 
 
 @kernel
