@@ -131,10 +131,8 @@ def exported(net: DriverNet, seen: np.ndarray) -> Network:
     w2 = net.second.weight.double().numpy().T / level
     b2 = net.second.bias.double().numpy() / level
     head = np.vstack([net.head.weight.double().numpy().T * level[:, None], net.head.bias.double().numpy()])
-    w1, b1, w2, b2, last = (
-        np.ascontiguousarray(a, dtype=np.float32) for a in (w1, b1, w2, b2, head.reshape(-1))
-    )
-    return Network(w1, b1, w2, b2, last, ACTION_SCALE)
+    single = [np.ascontiguousarray(a, dtype=np.float32) for a in (w1, b1, w2, b2, head.reshape(-1))]
+    return Network(single[0], single[1], single[2], single[3], single[4], ACTION_SCALE)
 
 
 @torch.no_grad()
