@@ -6,7 +6,7 @@ TailroadError                 everything that a user can put right; its text say
 ├── SimulationError           the world cannot run: SUMO refused, or a second simulation in one process
 ├── EgoError                  the ego policy failed or answered nonsense (recorded with the rollout)
 ├── StoreError                a run directory that is not one, is damaged, or belongs to another job
-└── WorkerError               a process died while it ran a rollout
+└── WorkerError               no worker process can start
 """
 
 LONGEST_VALUE = 200  # characters of a wrong value that a message shows
@@ -43,7 +43,7 @@ class StoreError(TailroadError):
 
 
 class WorkerError(TailroadError):
-    """A worker process died."""
+    """No worker process can start."""
 
 
 def _shortened(text: str) -> str:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from service.errors import WorkerError
 from service.job import Job, Problem
 from service.sim.rollout import OUTCOMES, Simulator
 from service.store import FAILED, Chunk
@@ -95,7 +96,13 @@ class LocalPool:
 
     def warm_up(self) -> None:
         """Start the workers and let the first one compile the kernels for all."""
-        self._executor.submit(_ready).result()
+        try:
+            self._executor.submit(_ready).result()
+        except BrokenProcessPool as error:
+            raise WorkerError(
+                "a worker process ended before its first rollout; its own message is above, or run one rollout with "
+                "`tailroad rollout` to see it"
+            ) from error
 
     def pids(self) -> list[int]:
         """The worker processes there are now."""
@@ -108,8 +115,14 @@ class LocalPool:
         suspects: list[Work] = []
         while waiting or running:
             while waiting and len(running) < 2 * self.workers:
-                work = waiting.pop()
-                running[self._executor.submit(_work, work)] = work
+                try:
+                    running[self._executor.submit(_work, waiting[-1])] = waiting[-1]
+                except BrokenProcessPool:  # a worker died while nobody waited for it
+                    if running:
+                        break  # and what it held is found failed below
+                    self._restart()
+                else:
+                    waiting.pop()
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             broken = False
             for future in done:
@@ -133,6 +146,7 @@ class LocalPool:
         self._executor.shutdown(wait=False, cancel_futures=True)
         _kill(self._executor)
         self._executor = self._start()
+        self.warm_up()  # where no worker can start, that is the error, not the rollouts
 
     def _run_alone(self, work: Work) -> Chunk:
         """Run a chunk while nothing else runs; where it kills its worker, row by row."""

@@ -66,7 +66,13 @@ class RunDirectory:
         self.jobs = jobs
         self._engine = sa.create_engine(f"sqlite:///{path / 'rollouts.sqlite'}")
         sa.event.listen(self._engine, "connect", _configure)
-        _metadata.create_all(self._engine)
+        try:
+            _metadata.create_all(self._engine)
+        except sa.exc.SQLAlchemyError as error:
+            raise StoreError(
+                f"cannot open {path / 'rollouts.sqlite'}: {error.__cause__ or error}; check the folder, or start a new "
+                "run with another --out"
+            ) from error
 
     @classmethod
     def create(cls, path: Path, jobs: tuple[Job, ...]) -> "RunDirectory":
