@@ -33,8 +33,9 @@ def facts_of(
     path: Path, records: Sequence[JobRecord], retold: Sequence[Retold], now: datetime
 ) -> dict[str, Any]:
     """The report's facts. Numbers that are not finite are None."""
-    estimates = {r.job.id: r.estimate for r in records}
-    against_naive = {c["method"]: c for c in comparisons([r.job for r in records], estimates)}
+    known = [r for r in records if r.estimate.estimation_rollouts]
+    compared = comparisons([r.job for r in known], {r.job.id: r.estimate for r in known})
+    against_naive = {c["method"]: c for c in compared}
     gammas = curve_gammas(records)
     jobs = [_job(r, against_naive.get(r.job.id), gammas) for r in records]
     first = records[0].job
@@ -65,7 +66,7 @@ def facts_of(
         },
         "jobs": jobs,
         "dangerous": [_dangerous(r) for r in retold],
-        "commands": [words.command(r.job) for r in records],
+        "commands": words.commands([r.job for r in records]),
         "versions": _versions(first.tailroad),
     }
     return json_ready(facts)
@@ -107,6 +108,7 @@ def _job(record: JobRecord, against_naive: dict[str, Any] | None, gammas: np.nda
             "recorded": record.recorded,
             "counted": estimate.rollouts,
         },
+        "options_without_flag": words.options_without_flag(job),
         "stream_seed": str(record.problem.stream_seed),  # 64 bits: too many for a JSON number
         "pareto_k": estimate.pareto_k,
         "against_naive": against_naive,
@@ -128,7 +130,7 @@ def _job(record: JobRecord, against_naive: dict[str, Any] | None, gammas: np.nda
         "outcomes": {phase: dict(sorted(ended.items())) for phase, ended in sorted(record.outcomes.items())},
         "failures": {
             "total": len(record.errors),
-            "listed": [asdict(failure) for failure in record.failures(FAILURES_LISTED)],
+            "listed": [asdict(f) | {"noise": str(f.noise)} for f in record.failures(FAILURES_LISTED)],
         },
         "learned": _learned(record),
     }

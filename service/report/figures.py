@@ -294,34 +294,30 @@ def _iterations(axes: Any, k: np.ndarray) -> None:
 
 
 def marginals(record: JobRecord, proposal: ce.Product, parameter: int) -> Picture:
-    """Base and proposal densities of one start parameter, a panel a vehicle."""
+    """Base and proposal densities of one start parameter, a row a vehicle."""
     base = record.problem.base
     vehicles = record.job.scenario.vehicles
     name, unit = PARAMETER_NAMES[PER_VEHICLE[parameter]]
-    columns = 3
-    rows = -(-len(vehicles) // columns)
+    columns = [len(PER_VEHICLE) * i + parameter for i in range(len(vehicles))]
+    grids = [np.linspace(*base.marginal_range(at), GRID) for at in columns]
+    before = [base.marginal_pdf(at, grid) for at, grid in zip(columns, grids, strict=True)]
+    after = [proposal.marginal_pdf(at, grid) for at, grid in zip(columns, grids, strict=True)]
+    scale = 0.9 / max(float(np.max(densities)) for densities in before + after)
     shifts = []
-    top = 0.0
-    with ink.figure(0.75 + 0.95 * rows) as drawn:
-        panels = drawn.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
-        for i, (vehicle, axes) in enumerate(zip(vehicles, panels, strict=False)):
-            at = len(PER_VEHICLE) * i + parameter
-            grid = np.linspace(*base.marginal_range(at), GRID)
-            before, after = base.marginal_pdf(at, grid), proposal.marginal_pdf(at, grid)
-            axes.fill_between(grid, before, color=ink.BASE, alpha=0.25, linewidth=0)
-            axes.plot(grid, after, color=ink.colour(record.job.method), linewidth=1.4)
-            axes.set_title(ink.name_of(vehicle.name, vehicle.role == "ego"), fontsize=8.5)
-            axes.set_yticks([])
-            top = max(top, float(before.max()), float(after.max()))
-            axes.tick_params(labelsize=8)
-            axes.grid(False)
-            axes.spines["left"].set_visible(False)
-            mean = float(np.sum(grid * after) / np.sum(after) - np.sum(grid * before) / np.sum(before))
-            shifts.append(f"{vehicle.name} {mean:+.2g}")
-        panels[0].set_ylim(0.0, 1.05 * top)
-        for axes in panels[len(vehicles) :]:
-            axes.set_axis_off()
-        drawn.supxlabel(f"{name}, {unit}", fontsize=9)
+    with ink.figure(0.6 + 0.37 * len(vehicles)) as drawn:
+        axes = drawn.add_subplot()
+        for i, (grid, old, new) in enumerate(zip(grids, before, after, strict=True)):
+            row = len(vehicles) - 1 - i
+            axes.fill_between(grid, row, row + scale * old, color=ink.BASE, alpha=0.25, linewidth=0)
+            axes.plot(grid, row + scale * new, color=ink.colour(record.job.method), linewidth=1.4)
+            mean = float(np.sum(grid * new) / np.sum(new) - np.sum(grid * old) / np.sum(old))
+            shifts.append(f"{vehicles[i].name} {mean:+.2g}")
+        rows = np.arange(len(vehicles))[::-1]
+        axes.set_yticks(rows, [ink.name_of(v.name, v.role == "ego") for v in vehicles])
+        axes.tick_params(axis="y", length=0)
+        axes.spines["left"].set_visible(False)
+        axes.set_ylim(-0.05, len(vehicles))
+        axes.set_xlabel(f"{name}, {unit}")
         return ink.picture(
             drawn,
             f"Start: {name}",

@@ -80,9 +80,9 @@ class Pictures:
         return figures.learned_pictures(self._records[job["id"]])
 
     @cached_property
-    def dangerous(self) -> list[Picture | None]:
-        """A picture for each of the facts' dangerous rollouts."""
+    def dangerous(self) -> list[tuple[dict[str, Any], Picture | None]]:
+        """The facts' dangerous rollouts, each with its picture."""
         return [
-            drawings.drawing(r, told, r.ranked.record.problem.corridor)
+            (told, drawings.drawing(r, told, r.ranked.record.problem.corridor))
             for r, told in zip(self._retold, self._facts["dangerous"], strict=True)
         ]

@@ -2,6 +2,7 @@
 
 import math
 import shlex
+from collections.abc import Sequence
 from typing import Any
 
 from service.job import Job
@@ -22,6 +23,17 @@ SHIFTS = {  # a vehicle's start under the proposal against the base: more, less
     "heading_deg": ("starts turned {}° more to the left", "starts turned {}° more to the right"),
     "speed_mps": ("starts {} m/s faster", "starts {} m/s slower"),
 }
+FLAGS = (  # options that `tailroad estimate` has a flag for
+    "budget",
+    "rel_error",
+    "confidence",
+    "iterations",
+    "samples_per_iteration",
+    "rho",
+    "step",
+    "mean_box",
+    "max_kl",
+)
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 NOT_KNOWN = "not known"
 
@@ -110,15 +122,31 @@ def answer(summary: dict[str, Any]) -> tuple[str, str]:
     )
 
 
-def command(job: Job) -> str:
-    """The command line of the job; options that have no flag are in run.json."""
-    flags = {"budget": "--budget", "rel_error": "--rel-error"}
+def commands(jobs: Sequence[Job]) -> list[str]:
+    """The command lines that run these jobs: one where their options allow it, else one each."""
+    merged: dict[str, Any] = {}
+    for job in jobs:
+        for option, value in job.options.items():
+            if merged.setdefault(option, value) != value:
+                return [_command([job], job.options) for job in jobs]
+    return [_command(jobs, merged)]
+
+
+def _command(jobs: Sequence[Job], options: dict[str, Any]) -> str:
+    job = jobs[0]
     said = ["tailroad", "estimate", job.scenario.name if is_built_in(job) else f"{job.scenario.name}.toml"]
-    said += ["--ego", job.ego, "--gamma", f"{job.gamma!r}", "--method", job.method, "--seed", str(job.seed)]
-    for option, flag in flags.items():
-        if job.options.get(option) is not None:
-            said += [flag, str(job.options[option])]
-    return shlex.join(said)
+    said += ["--ego", job.ego, "--gamma", repr(job.gamma)]
+    for each in jobs:
+        said += ["--method", each.method]
+    for option in FLAGS:
+        if options.get(option) is not None:
+            said += ["--" + option.replace("_", "-"), str(options[option])]
+    return shlex.join([*said, "--seed", str(job.seed)])
+
+
+def options_without_flag(job: Job) -> list[str]:
+    """Options of the job that the command line cannot say."""
+    return sorted(name for name, value in job.options.items() if value is not None and name not in FLAGS)
 
 
 def is_built_in(job: Job) -> bool:

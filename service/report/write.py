@@ -24,16 +24,25 @@ def write_report(
     the record cannot be read, belongs to other weights, or the files cannot be written.
     """
     folder = store.path if out is None else out
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _cannot_write(folder, error) from error
     records = [replay(store, job) for job in store.jobs]
     told = rerun(pick(records, drawn))
     facts = facts_of(store.path, records, told, now or datetime.now(UTC))
     html = page_of(facts, records, told)
     page = folder / "report.html"
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         text = json.dumps(facts, indent=1, allow_nan=False, ensure_ascii=False)
         (folder / "report.json").write_text(text + "\n", encoding="utf-8")
         page.write_text(html, encoding="utf-8")
     except OSError as error:
-        raise StoreError(f"cannot write the report to {folder}: {error.strerror or error}") from error
+        raise _cannot_write(folder, error) from error
     return page
+
+
+def _cannot_write(folder: Path, error: OSError) -> StoreError:
+    return StoreError(
+        f"cannot write the report to {folder}: {error.strerror or error}; give another folder with --out"
+    )

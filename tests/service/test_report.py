@@ -1,0 +1,374 @@
+import contextlib
+import dataclasses
+import functools
+import json
+import re
+from datetime import UTC, datetime
+from html.parser import HTMLParser
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+import ce
+from policies.drivers import load_drivers, save_drivers
+from policies.layout import HEAD_SIZE, HIDDEN_1, HIDDEN_2, OBSERVATION_SIZE
+from service.errors import StoreError
+from service.evaluate import evaluate
+from service.job import Job, Problem, make_job
+from service.report import figures, words, write_report
+from service.report.dangerous import pick, ranked
+from service.report.facts import facts_of
+from service.report.replay import replay
+from service.scenario import Scenario, load_scenario
+from service.store import FAILED, Chunk, RunDirectory
+
+NOW = datetime(2030, 1, 2, 3, 4, 5, tzinfo=UTC)
+VOID = {"meta", "img", "br", "link", "input", "hr"}
+NAIVE = {"budget": 3000, "batch_size": 1500}
+CE = {
+    "iterations": 3,
+    "samples_per_iteration": 400,
+    "estimation_rollouts": 1000,
+    "rho": 0.1,
+    "mean_box": None,
+    "batch_size": 500,
+}
+
+
+class Page(HTMLParser):
+    """Checks that tags close in order, and keeps what the tests ask for."""
+
+    def __init__(self, html: str):
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text: list[str] = []
+        self.data: list[float] = []
+        self.feed(html)
+        self.close()
+        assert self.open == []
+        self.words = " ".join(" ".join(self.text).split())
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        if tag == "data" and dict(attributes)["value"]:
+            self.data.append(float(dict(attributes)["value"] or "nan"))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag, f"</{tag}> does not close what is open"
+
+    def handle_data(self, data):
+        if not self.open or self.open[-1] != "style":
+            self.text.append(data)
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes in self.tags if name == tag]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def read_weights_once():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("service.job.load_drivers", functools.cache(load_drivers))
+        yield
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory) -> Path:
+    """Driver weights that were never trained."""
+    rng = np.random.default_rng(0)
+    shapes = {
+        "w1": (OBSERVATION_SIZE, HIDDEN_1),
+        "b1": (HIDDEN_1,),
+        "w2": (HIDDEN_1, HIDDEN_2),
+        "b2": (HIDDEN_2,),
+        "mu0": (HEAD_SIZE,),
+    }
+    arrays = {name: 0.01 * rng.standard_normal(shape) for name, shape in shapes.items()}
+    arrays |= {"action_scale": np.array([1.0, 0.05]), "sigma0": 1e-4 * np.eye(HEAD_SIZE)}
+    path = tmp_path_factory.mktemp("weights") / "made-up.safetensors"
+    return save_drivers(path, arrays, {})
+
+
+@pytest.fixture(scope="module")
+def scenario(weights) -> Scenario:
+    found = load_scenario("i80-10s")
+    return msgspec.structs.replace(
+        found, drivers=msgspec.structs.replace(found.drivers, weights=str(weights))
+    )
+
+
+def made_up_f(x: np.ndarray) -> np.ndarray:
+    """f of rollouts x (n, d), lower the faster the ego is and the closer its neighbour in lane 2 starts."""
+    gap_m = np.abs(x[:, 8] - x[:, 0])
+    return 0.1 + 0.05 * gap_m + 0.3 * (20.0 - x[:, 3])
+
+
+class Interrupted(Exception):
+    pass
+
+
+def fill(store: RunDirectory, job: Job, chunks: int | None = None, errors: dict | None = None) -> None:
+    """Record a job's rollouts with made-up values; stop for good after so many chunks."""
+    problem = Problem(job)
+    left = [10**9 if chunks is None else chunks]
+
+    def run_batch(batch: ce.Batch) -> np.ndarray:
+        f = made_up_f(batch.x)
+        for row, _ in (errors or {}).items():
+            if batch.phase == "estimate" and batch.start <= row < batch.stop:
+                f[row - batch.start] = np.nan
+        for i in range(0, f.size, 250):
+            if left[0] == 0:
+                raise Interrupted
+            left[0] -= 1
+            part = f[i : i + 250]
+            lost = {
+                r: (errors or {})[batch.start + i + r]
+                for r in range(part.size)
+                if batch.phase == "estimate" and batch.start + i + r in (errors or {})
+            }
+            codes = np.where(part < 0.9, 2, 0).astype(np.uint8)
+            codes[list(lost)] = FAILED
+            steps = np.full(part.size, 100, np.int32)
+            first = batch.start + i
+            chunk = Chunk(first, first + part.size, part, codes, steps, lost, 0.5)
+            store.append(job.id, batch.phase, batch.iteration, chunk)
+        return f
+
+    with contextlib.suppress(Interrupted):
+        evaluate(problem.algorithm, problem.stream_seed, run_batch)
+
+
+def jobs_of(scenario: Scenario, gamma: float = 0.9) -> tuple[Job, Job]:
+    return (
+        make_job(scenario, "idm", gamma, "naive", 1, NAIVE),
+        make_job(scenario, "idm", gamma, "ce", 1, CE),
+    )
+
+
+@pytest.fixture(scope="module")
+def run(scenario, tmp_path_factory):
+    """A finished run of both methods, its page and its facts."""
+    path = tmp_path_factory.mktemp("runs") / "both"
+    with RunDirectory.create(path, jobs_of(scenario)) as store:
+        for job in store.jobs:
+            fill(store, job)
+        page = write_report(store, drawn=0, now=NOW)
+    html = page.read_text(encoding="utf-8")
+    return path, html, Page(html), json.loads((path / "report.json").read_text(encoding="utf-8"))
+
+
+def test_the_page_says_the_estimates_of_the_json(run):
+    path, _, page, facts = run
+    with RunDirectory.open(path) as store:
+        estimates = {job.id: replay(store, job).estimate for job in store.jobs}
+    for job in facts["jobs"]:
+        estimate = estimates[job["id"]]
+        assert (job["p"], job["std_error"], tuple(job["ci"])) == (estimate.p, estimate.std_error, estimate.ci)
+        for value in (job["p"], job["std_error"], *job["ci"], job["ess"], job["rollouts"]["total"]):
+            assert value in page.data
+        assert words.significant(job["p"]) in page.words
+    head = facts["headline"]
+    assert f"p = {words.significant(head['p'])}" in page.words
+    assert head["answer_interval"] in page.words
+
+
+def test_replaying_a_record_gives_the_estimate_that_ran(run, scenario):
+    path, _, _, _ = run
+    with RunDirectory.open(path) as store:
+        for job in store.jobs:
+            problem = Problem(job)
+            direct = evaluate(problem.algorithm, problem.stream_seed, lambda batch: made_up_f(batch.x))
+            replayed = replay(store, job)
+            assert replayed.estimate.p == direct.p
+            assert replayed.estimate.ci == direct.ci
+            assert replayed.recorded == direct.rollouts
+            assert replayed.sim_s == pytest.approx(10.0 * direct.rollouts)
+
+
+def test_the_page_needs_nothing_from_outside(run):
+    _, html, page, _ = run
+    assert not re.search(r"https?://|//[a-z]", html)
+    for tag, attributes in page.tags:
+        for name in ("src", "href", "srcset", "action"):
+            value = attributes.get(name)
+            assert value is None or value.startswith(("#", "data:image/")), (tag, name)
+        assert tag not in ("script", "iframe", "link", "object", "form")
+    assert "@import" not in html
+    assert "url(" not in html
+
+
+def test_the_page_is_accessible(run):
+    _, _, page, _ = run
+    assert page.all("html")[0]["lang"] == "en"
+    assert {"header", "main", "nav", "footer"} <= {tag for tag, _ in page.tags}
+    pictures = page.all("img")
+    assert len(pictures) == 11  # four of the run, two of the search, five of what it learned
+    assert all(len(picture["alt"] or "") > 30 for picture in pictures)
+    assert all(th.get("scope") in ("row", "col") for th in page.all("th"))
+    ids = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
+    assert len(ids) == len(set(ids))
+    targets = {(a["href"] or "")[1:] for a in page.all("a")}
+    assert targets <= set(ids)
+
+
+def test_warnings_of_the_estimates_are_shown_with_their_remedy(run):
+    _, _, page, facts = run
+    warnings = [warning for job in facts["jobs"] for warning in job["warnings"]]
+    assert warnings
+    for warning in warnings:
+        assert warning["message"] in page.words
+        assert warning["remedy"] in page.words
+
+
+def test_an_estimate_without_events_is_said_as_a_bound():
+    none = {"p": 0.0, "ci": [0.0, 0.0074], "confidence": 0.95, "events": 0, "rollouts": {"estimation": 500}}
+    assert words.answer(none) == (
+        "No such event in 500 rollouts.",
+        "95% interval: at most 0.00740, or one in 140 rollouts.",
+    )
+
+
+@pytest.mark.parametrize("chunks", [0, 1, 5, 7], ids="{} chunks".format)
+def test_an_unfinished_job_counts_as_far_as_its_record_goes(scenario, tmp_path, chunks):
+    job = jobs_of(scenario)[1]
+    with RunDirectory.create(tmp_path / "half", (job,)) as store:
+        fill(store, job, chunks=chunks)
+        (facts,) = facts_of(store.path, [replay(store, job)], [], NOW)["jobs"]
+    assert not facts["finished"]
+    assert facts["p"] is None
+    assert len(facts["training"]) == chunks // 2
+    assert facts["progress"]["counted"] == chunks // 2 * 400
+    assert facts["progress"]["recorded"] == sum([250, 150, 250, 150, 250, 150, 250][:chunks])
+
+
+def test_an_unfinished_run_has_a_page(scenario, tmp_path):
+    jobs = jobs_of(scenario)
+    with RunDirectory.create(tmp_path / "half", jobs) as store:
+        fill(store, jobs[1], chunks=7)
+        page = Page(write_report(store, drawn=0, now=NOW).read_text(encoding="utf-8"))
+    assert "p is not known yet" in page.words
+    assert "Unfinished: naive Monte Carlo" in page.words
+    assert "Unfinished: cross-entropy method. 1,200 of at most 2,200 rollouts" in page.words
+    assert "250 more are on record" in page.words
+    assert "--resume half" in page.words
+
+
+def test_what_users_write_is_escaped_and_failures_are_listed(scenario, tmp_path):
+    hostile = "<script>alert('x')</script> & \"quotes\" $\\frac{ </style> {{ 7 * 7 }}"
+    reason = "EgoError: <img src=x onerror=alert(1)>"
+    renamed = [
+        msgspec.structs.replace(v, name=f"<b>{v.name}</b>$_{{") if i == 1 else v
+        for i, v in enumerate(scenario.vehicles)
+    ]
+    changed = msgspec.structs.replace(scenario, description=hostile, name="a<i>b", vehicles=tuple(renamed))
+    job = jobs_of(changed)[1]
+    with RunDirectory.create(tmp_path / "hostile", (job,)) as store:
+        fill(store, job, errors={7: reason, 702: "the worker process died"})
+        html = write_report(store, drawn=0, now=NOW).read_text(encoding="utf-8")
+        record = replay(store, job)
+    page = Page(html)
+    assert not re.search("<script|<img src=x|<b>|<i>", html)
+    assert hostile in "".join(page.text)
+    assert reason in page.words
+    listed = json.loads((tmp_path / "hostile" / "report.json").read_text())["jobs"][0]["failures"]
+    assert listed["total"] == 2
+    proposal = record.problem.base.with_parameters(record.parameters["estimate", 0])
+    _, noise = ce.draw(proposal, record.problem.stream_seed, "estimate", 0, 0, 1000)
+    assert [(x["row"], x["noise"]) for x in listed["listed"]] == [(7, str(noise[7])), (702, str(noise[702]))]
+    assert str(noise[702]) in page.words
+
+
+def test_the_most_dangerous_are_drawn_again_as_their_batches_drew_them(run):
+    path, _, _, _ = run
+    with RunDirectory.open(path) as store:
+        naive, search = (replay(store, job) for job in store.jobs)
+    lowest = ranked(naive, 4)
+    assert [r.f for r in lowest] == sorted(naive.estimate.f)[:4]
+    likeliest = ranked(search, 4)
+    density = search.problem.base.log_density(np.array([r.x for r in likeliest]))
+    assert density == pytest.approx([r.log_likelihood for r in likeliest])
+    assert density.tolist() == sorted(density, reverse=True)
+    for r in lowest + likeliest:
+        assert made_up_f(r.x[None])[0] == r.f
+    assert [r.record.job.id for r in pick([naive, search], 5)] == ["naive"] * 3 + ["ce"] * 2
+
+
+def test_the_report_is_the_same_each_time(run):
+    path, html, _, facts = run
+    with RunDirectory.open(path) as store:
+        records = [replay(store, job) for job in store.jobs]
+    again = facts_of(path, records, [], NOW)
+    assert again == facts
+    assert figures.outcomes(again["jobs"]).source in html
+
+
+def test_methods_that_cannot_both_be_right_are_named(run):
+    path, _, _, _ = run
+    with RunDirectory.open(path) as store:
+        naive, search = (replay(store, job) for job in store.jobs)
+    assert facts_of(path, [naive, search], [], NOW)["disagreement"] is None
+    wrong = dataclasses.replace(naive.estimate, f=np.zeros(3000))
+    odd = dataclasses.replace(naive, estimate=wrong)
+    assert "no value in common" in facts_of(path, [odd, search], [], NOW)["disagreement"]
+
+
+def test_a_folder_that_cannot_be_written_is_an_error_that_says_so(run, tmp_path):
+    path, _, _, _ = run
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    with RunDirectory.open(path) as store, pytest.raises(StoreError, match="cannot write the report"):
+        write_report(store, blocked, drawn=0, now=NOW)
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (0.0, "0"),
+        (None, "not known"),
+        (float("inf"), "∞"),
+        (0.47361, "0.474"),
+        (1.234e-5, "1.23 × 10⁻⁵"),
+        (0.00999999, "0.0100"),
+        (84321.0, "84,300"),
+        (1.0, "1.00"),
+    ],
+)
+def test_numbers_have_sensible_digits(value, said):
+    assert words.significant(value) == said
+
+
+def test_probabilities_in_words():
+    assert words.one_in(1.19e-5) == "one in 84,000"
+    assert words.one_in(0.474) == "47 in 100"
+    assert words.duration(7322) == "2 h 2 min"
+
+
+def test_real_rollouts_are_run_again_and_drawn(scenario, tmp_path):
+    """With SUMO: f of each rollout comes out as recorded, except of the one whose record is wrong."""
+    job = make_job(scenario, "idm", 50.0, "naive", 1, {"budget": 3, "batch_size": 3})
+    with RunDirectory.create(tmp_path / "real", (job,)) as store:
+        record_three(store, job)
+        page = Page(write_report(store, drawn=3, now=NOW).read_text(encoding="utf-8"))
+    told = json.loads((tmp_path / "real" / "report.json").read_text())["dangerous"]
+    assert len(told) == 3
+    assert sorted(d["row"] for d in told if not d["same_to_the_bit"]) == [1]
+    assert "1 of 3 did not come out the same" in page.words
+    assert len([p for p in page.all("img") if "the smallest time to collision" in (p["alt"] or "")]) == 3
+
+
+def record_three(store: RunDirectory, job: Job) -> None:
+    """Three real rollouts, the second with an f that is off by the last bit."""
+    problem = Problem(job)
+    x, noise = ce.draw(problem.base, problem.stream_seed, "estimate", 0, 0, 3)
+    with problem.simulator() as simulator:
+        rollouts = [simulator.run(row, int(seed)) for row, seed in zip(x, noise, strict=True)]
+    f = np.array([r.f for r in rollouts])
+    f[~np.isfinite(f)] = 1.0
+    f[1] = np.nextafter(f[1], 0.0)
+    steps = np.array([r.steps for r in rollouts], np.int32)
+    store.append(job.id, "estimate", 0, Chunk(0, 3, f, np.zeros(3, np.uint8), steps, {}, 0.1))
