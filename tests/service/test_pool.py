@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import multiprocessing.connection
 import os
 import signal
 from concurrent.futures import ProcessPoolExecutor
@@ -51,12 +50,11 @@ def same(found: list[Chunk], expected: list[Chunk]) -> bool:
 
 
 def kill(pool: LocalPool) -> None:
-    """Kill the pool's workers and wait until they are gone."""
-    processes = list(pool._executor._processes.values())
-    for process in processes:
-        os.kill(process.pid, signal.SIGKILL)
-    while alive := [process.sentinel for process in processes if process.is_alive()]:
-        multiprocessing.connection.wait(alive)
+    """Kill the pool's workers and wait until its executor knows."""
+    manager = pool._executor._executor_manager_thread
+    for pid in pool.pids():
+        os.kill(pid, signal.SIGKILL)
+    manager.join()
 
 
 def test_a_pool_gives_the_bits_of_one_process_and_loses_nothing_when_workers_are_killed(job, works, expected):
