@@ -27,6 +27,8 @@ PACKAGES = ("tailroad", "libsumo", "numpy", "scipy", "numba", "cvxpy")
 XI_OUTPUTS = ("mean acceleration", "mean turn rate", "log spread of acceleration", "log spread of turn rate")
 TOP_SHIFTS = 8
 LEAST_SHIFT_SD = 0.1
+# Warnings under which the estimate's own variance, and so its efficiency, says nothing.
+_SHAKY = frozenset({"no-rollouts", "no-events", "few-events", "dominant-weight", "heavy-tailed-weights"})
 
 
 def facts_of(
@@ -112,6 +114,7 @@ def _job(record: JobRecord, against_naive: dict[str, Any] | None, gammas: np.nda
         "stream_seed": str(record.problem.stream_seed),  # 64 bits: too many for a JSON number
         "pareto_k": estimate.pareto_k,
         "against_naive": against_naive,
+        "variance_reliable": not _SHAKY & {w.name for w in estimate.warnings},
         "trace": {
             "rollouts": (trace.rollouts + estimate.training_rollouts).tolist(),
             "p": trace.p.tolist(),

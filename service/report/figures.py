@@ -14,6 +14,7 @@ from service.report.words import METHOD_NAMES, PARAMETER_NAMES, count, percent, 
 from service.scenario.base import PER_VEHICLE
 
 Facts = dict[str, Any]
+DECADES = 8  # a logarithmic axis of probabilities is not longer, whatever a stray estimate says
 LOG_BELOW = 0.05  # estimates below this are shown on a logarithmic axis
 GRID = 120
 
@@ -63,6 +64,7 @@ def estimate_against_rollouts(jobs: Sequence[Facts]) -> Picture:
     with ink.figure(3.3) as drawn:
         axes = drawn.add_subplot()
         bottom, top = (min(shown) / 4.0, min(max(shown) * 4.0, 1.0)) if shown else (0.0, 1.0)
+        bottom = max(bottom, top * 10.0**-DECADES)
         if not logarithmic:
             spread = max(max(shown, default=1.0) - min(shown, default=0.0), 0.01)
             bottom, top = max(min(shown) - spread, 0.0), min(max(shown) + spread, 1.0)
@@ -108,7 +110,7 @@ def estimate_against_rollouts(jobs: Sequence[Facts]) -> Picture:
             "The estimate as rollouts come in",
             "Estimate of p against the number of rollouts: " + "; ".join(said) + ".",
             "Line: the estimate; band: its interval at that moment. Where a method searches first, its line starts "
-            "after the shaded rollouts that the search took.",
+            "after the shaded rollouts that the search took. Values below the axis are not shown.",
         )
 
 
@@ -117,7 +119,7 @@ def p_against_gamma(facts: Facts, jobs: Sequence[Facts]) -> Picture:
     with ink.figure(3.3) as drawn:
         axes = drawn.add_subplot()
         positive = [v for job in jobs for v in job["curve"]["p"] if v]
-        bottom = min(positive, default=1e-6) / 5.0
+        bottom = max(min(positive, default=1e-6) / 5.0, max(positive, default=0.0) * 10.0**-DECADES)
         for job in jobs:
             curve, style = job["curve"], ink.line(job["method"])
             x, p = _array(curve["gamma"]), _array(curve["p"])

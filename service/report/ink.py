@@ -91,7 +91,7 @@ def picture(drawn: Figure, title: str, alt: str, caption: str) -> Picture:
     return Picture(title, source, alt, caption, round(width_in * 96), round(height_in * 96))
 
 
-def log_axis(axes: Axes, which: str, label: Callable[[float], str] = lambda v: significant(v, 1)) -> None:
+def log_axis(axes: Axes, which: str, label: Callable[[float], str] | None = None) -> None:
     """Make `which` ("x" or "y") of the axes logarithmic, with labels that say the number.
 
     To be called when the limits stand.
@@ -104,7 +104,8 @@ def log_axis(axes: Axes, which: str, label: Callable[[float], str] = lambda v: s
     if ratio < 4:
         subs = tuple(float(s) for s in range(1, 10))
     axis.set_major_locator(LogLocator(base=10.0, subs=subs, numticks=12))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: label(value)))
+    say = label or (lambda value: significant(value, 1).removeprefix("1 × "))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: say(value)))
     axis.set_minor_formatter(NullFormatter())
 
 

@@ -177,6 +177,14 @@ def test_the_page_says_the_estimates_of_the_json(run):
     assert head["answer_interval"] in page.words
 
 
+def test_no_efficiency_is_claimed_from_a_variance_that_says_nothing(run):
+    _, _, page, facts = run
+    (search,) = [job for job in facts["jobs"] if job["method"] == "ce"]
+    assert not search["variance_reliable"]
+    assert page.words.count("not known: see warnings") == 2
+    assert search["against_naive"]["efficiency"] not in page.data
+
+
 def test_replaying_a_record_gives_the_estimate_that_ran(run, scenario):
     path, _, _, _ = run
     with RunDirectory.open(path) as store:
