@@ -96,6 +96,7 @@ def save_drivers(path: Path | str, arrays: dict[str, np.ndarray], card: dict) ->
     }
     stored[_LOWER] = stored.pop("sigma0")[np.tril_indices(HEAD_SIZE)]
     save_file(stored, path, metadata={"format": "tailroad-drivers-1"})
+    path.chmod(0o644)  # safetensors creates files that only their owner can read
     path.with_suffix(".json").write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
     return path
 
