@@ -152,7 +152,8 @@ def p_against_gamma(facts: Facts, jobs: Sequence[Facts]) -> Picture:
             + " and ".join(_name(job["method"]) for job in jobs)
             + ".",
             "Each curve is from the same rollouts as the estimate; bands are intervals at each threshold by itself. A "
-            f"search aims at γ = {gamma:g} s, so its curve is widest, and least to be relied on, far from there.",
+            f"search aims at γ = {gamma:g} s, so its curve is widest, and least to be relied on, far from there. "
+            "Values below the axis are not shown.",
         )
 
 
