@@ -8,6 +8,7 @@ that says what the weights were trained on and how well they drive. An ego netwo
 `sigma0` is zero and its head's last two columns are unused.
 """
 
+import functools
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,6 +66,13 @@ def shipped() -> list[str]:
 def load_drivers(name_or_path: str | Path) -> DriverModel:
     """The model called `name_or_path` (see `shipped`), or that of a `.safetensors` file. Raises WeightsError."""
     path = _find(name_or_path)
+    stamp = path.stat()
+    return _load(path, stamp.st_mtime_ns, stamp.st_size)
+
+
+@functools.lru_cache(maxsize=8)
+def _load(path: Path, _changed_ns: int, _size: int) -> DriverModel:
+    """The model of a file in the state that its time and size stand for."""
     try:
         arrays = load_file(path)
     except (SafetensorError, OSError) as error:

@@ -156,7 +156,7 @@ class LocalPool:
             self._restart()
         if len(work.noise) > 1:
             return _joined([self._run_alone(work.row(i)) for i in range(len(work.noise))])
-        reason = "the worker process died during this rollout, twice"
+        reason = "the worker process died during this rollout, each time it was tried"
         return Chunk(
             work.start,
             work.start + 1,

@@ -33,7 +33,7 @@ _chunks = sa.Table(
     sa.Column("start", sa.Integer, primary_key=True),
     sa.Column("stop", sa.Integer, nullable=False),
     sa.Column("f", sa.LargeBinary, nullable=False),  # float64 little-endian, NaN = failed
-    sa.Column("outcomes", sa.LargeBinary, nullable=False),  # uint8: service.rollouts.OUTCOME_CODES
+    sa.Column("outcomes", sa.LargeBinary, nullable=False),  # uint8: service.pool.OUTCOME_CODES
     sa.Column("steps", sa.LargeBinary, nullable=False),  # int32 little-endian
     sa.Column("errors", sa.Text, nullable=False),  # JSON: {"row": "reason"}, rows counted from `start`
     sa.Column("worker_s", sa.Float, nullable=False),  # what it took a worker

@@ -7,15 +7,16 @@ from typing import Any
 import ce
 from service.job import Job
 
-MILLION = 1e6
+# warnings under which an importance-sampling variance estimate is itself unreliable
+SHAKY = {"no-rollouts", "no-events", "few-events", "dominant-weight", "heavy-tailed-weights"}
 
 
 def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost") -> dict[str, Any]:
     """The object that `tailroad estimate --json` prints (DESIGN 13)."""
     low, high = estimate.ci
     return {
-        "p": estimate.p,
-        "std_error": estimate.std_error,
+        "p": _number(estimate.p),
+        "std_error": _number(estimate.std_error),
         "ci": [low, high],
         "confidence": estimate.confidence,
         "gamma": job.gamma,
@@ -30,6 +31,7 @@ def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost") -> dict[str, Any]:
         "ess": estimate.ess,
         "max_weight_share": estimate.max_weight_share,
         "efficiency_vs_naive": _number(estimate.efficiency),
+        "variance_reliable": variance_reliable(estimate),
         "converged": estimate.converged,
         "warnings": [{"name": w.name, "message": w.message, "remedy": w.remedy} for w in estimate.warnings],
         "scenario": job.scenario.name,
@@ -39,6 +41,11 @@ def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost") -> dict[str, Any]:
         "tailroad": job.tailroad,
         **cost.as_dict(),
     }
+
+
+def variance_reliable(estimate: ce.Estimate) -> bool:
+    """Whether the estimate's own variance, and any ratio made of it, can be relied on."""
+    return not SHAKY & {w.name for w in estimate.warnings}
 
 
 class Cost:
@@ -76,15 +83,14 @@ def comparison_of(naive: ce.Estimate, other: ce.Estimate) -> dict[str, Any]:
     other_rate = other.events / other.estimation_rollouts if other.estimation_rollouts else math.nan
     better = min((naive, other), key=lambda e: e.relative_half_width)
     spread = math.hypot(naive.std_error, other.std_error)
-    variance = other.std_error**2
+    variance = other.std_error**2 if other.std_error > 0.0 else math.nan
     bernoulli = better.p * (1.0 - better.p)
     return {
         "method": other.method,
         "ratio_of_rare_events": _number(other_rate / rate if rate else math.nan),
-        "ratio_of_variances": _number(
-            bernoulli / other.estimation_rollouts / variance if variance else math.nan
-        ),
-        "efficiency": _number(bernoulli / other.rollouts / variance if variance else math.nan),
+        "ratio_of_variances": _number(bernoulli / max(other.estimation_rollouts, 1) / variance),
+        "efficiency": _number(bernoulli / max(other.rollouts, 1) / variance),
+        "variance_reliable": variance_reliable(other),
         "difference_z": _number((other.p - naive.p) / spread if spread else math.nan),
     }
 

@@ -54,7 +54,7 @@ NOT_PRECISE = 3
 @click.option("--mean-box", type=click.FloatRange(0, min_open=True), callback=finite,
               help="ce: how far each driver weight's mean may move.  [default: 0.01]")  # fmt: skip
 @click.option("--max-kl", type=click.FloatRange(0, min_open=True), callback=finite,
-              help="ce: how far the proposal may move from the base, in nats.  [default: no limit, as the paper]")  # fmt: skip
+              help="ce: how far the proposal may move from the base, in nats.  [default: no limit]")  # fmt: skip
 @workers_option()
 @seed_option()
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="Run directory.  "
@@ -222,4 +222,6 @@ def _print(summaries: list[dict[str, Any]], compared: list[dict[str, Any]]) -> N
 def _ratio(comparison: dict[str, Any] | None, key: str) -> str:
     if comparison is None:
         return "1"
+    if key != "ratio_of_rare_events" and not comparison["variance_reliable"]:
+        return "not known: see warnings"
     return "-" if comparison[key] is None else f"{comparison[key]:.2f}"

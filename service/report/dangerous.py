@@ -67,12 +67,17 @@ def pick(records: Sequence[JobRecord], total: int) -> list[Ranked]:
 
 
 def ranked(job_record: JobRecord, count: int) -> list[Ranked]:
-    """The first `count` events: of naive Monte Carlo by f, the lowest first; of a proposal by likelihood under P0."""
+    """The first `count` events: of naive Monte Carlo by f, the lowest first; of a proposal by what they add to p.
+
+    That is their likelihood under P0 over that under the proposal. The likelihood under P0 itself (the paper's
+    order) is given beside it; in hundreds of dimensions it mostly tells how close driver weights that hardly
+    matter are to their mean.
+    """
     estimate, rows = job_record.estimate, job_record.event_rows
     f = estimate.f[rows]
     log_weights = np.zeros(rows.size) if estimate.log_weights is None else estimate.log_weights[rows]
     weights = np.exp(log_weights)
-    key = f if estimate.log_weights is None else -job_record.event_log_likelihood
+    key = f if estimate.log_weights is None else -log_weights
     found = []
     for rank, i in enumerate(np.lexsort((rows, key))[:count].tolist(), start=1):
         row = int(rows[i])

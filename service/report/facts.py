@@ -17,7 +17,7 @@ from service.report import words
 from service.report.dangerous import Retold
 from service.report.replay import JobRecord
 from service.scenario.base import PER_VEHICLE
-from service.summary import Cost, comparisons, summary_of
+from service.summary import Cost, comparisons, summary_of, variance_reliable
 
 FORMAT = 1
 FAILURES_LISTED = 20
@@ -28,7 +28,6 @@ XI_OUTPUTS = ("mean acceleration", "mean turn rate", "log spread of acceleration
 TOP_SHIFTS = 8
 LEAST_SHIFT_SD = 0.1
 # Warnings under which the estimate's own variance, and so its efficiency, says nothing.
-_SHAKY = frozenset({"no-rollouts", "no-events", "few-events", "dominant-weight", "heavy-tailed-weights"})
 
 
 def facts_of(
@@ -114,7 +113,7 @@ def _job(record: JobRecord, against_naive: dict[str, Any] | None, gammas: np.nda
         "stream_seed": str(record.problem.stream_seed),  # 64 bits: too many for a JSON number
         "pareto_k": estimate.pareto_k,
         "against_naive": against_naive,
-        "variance_reliable": not _SHAKY & {w.name for w in estimate.warnings},
+        "variance_reliable": variance_reliable(estimate),
         "trace": {
             "rollouts": (trace.rollouts + estimate.training_rollouts).tolist(),
             "p": trace.p.tolist(),
@@ -203,7 +202,7 @@ def _headline(jobs: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
     def order(job: dict[str, Any]) -> tuple[bool, bool, float]:
         low, high = job["ci"]
-        width = (high - low) / job["p"] if job["p"] > 0 else math.inf
+        width = (high - low) / job["p"] if job["p"] else math.inf
         return (not job["converged"], not job["finished"], width)
 
     best = min(jobs, key=order)

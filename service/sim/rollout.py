@@ -86,6 +86,7 @@ class Simulator:
                 background.speed_mps,
                 min(s.low for s in stations),
                 max(s.high for s in stations),
+                scenario.time.horizon_s,
             ),
             fcd=fcd,
         )
@@ -116,7 +117,7 @@ class Simulator:
     def _run(self, x: np.ndarray, noise: int | np.ndarray, observer: Observer | None) -> Rollout:
         world, ego, sumo = self._world, self._ego, self._sumo
         seed = int(noise) if isinstance(noise, (int, np.integer)) else 0
-        if self._scenario.drivers.noise == "frozen":
+        if self._scenario.drivers.noise == "frozen" and not isinstance(noise, np.ndarray):
             seed, noise = FROZEN_NOISE_SEED, FROZEN_NOISE_SEED
         normals = noise if isinstance(noise, np.ndarray) else action_noise(seed, self._steps, world.vehicles)
         if normals.shape != (self._steps, world.vehicles, 2) or normals.dtype != np.float64:

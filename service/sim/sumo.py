@@ -21,6 +21,7 @@ import libsumo
 import numpy as np
 from libsumo import constants as tc
 
+from policies.exactmath import sincos
 from service import agents as A
 from service.errors import SimulationError
 from sumo_nets.corridor import Corridor
@@ -48,6 +49,7 @@ class BackgroundTraffic:
     speed_mps: float
     clear_from_m: float
     clear_to_m: float
+    horizon_s: float  # vehicles keep entering this long
 
 
 class SumoSession:
@@ -176,10 +178,11 @@ class SumoSession:
                 )
             values = seen[name]
             heading = (90.0 - values[tc.VAR_ANGLE]) * (math.pi / 180.0)
+            sine, cosine = sincos(heading)
             length = values[tc.VAR_LENGTH]
             x, y = values[tc.VAR_POSITION]
-            agents[row, A.X_M] = x - 0.5 * length * math.cos(heading)
-            agents[row, A.Y_M] = y - 0.5 * length * math.sin(heading)
+            agents[row, A.X_M] = x - 0.5 * length * cosine
+            agents[row, A.Y_M] = y - 0.5 * length * sine
             agents[row, A.HEADING_RAD] = heading
             agents[row, A.SPEED_MPS] = values[tc.VAR_SPEED]
             agents[row, A.LENGTH_M] = length
@@ -208,7 +211,7 @@ class SumoSession:
                 at -= MINIMUM_SPACING_M + generator.exponential(mean_gap)
                 if traffic.clear_from_m - CLEAR_BEFORE_M < at < traffic.clear_to_m + CLEAR_AFTER_M:
                     continue
-                if at < -20.0 * traffic.speed_mps:
+                if at < -traffic.horizon_s * traffic.speed_mps:
                     break
                 self._add_background(f"background-{lane + 1}-{number}", lane, at)
                 number += 1

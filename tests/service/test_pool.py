@@ -119,7 +119,7 @@ def test_a_rollout_that_kills_its_process_is_one_recorded_error(job, works, expe
     fatal = works[1].noise[3]
     with FatalPool(job, 1, frozenset([int(fatal)])) as pool:
         found = sorted(pool.run(works[:3]), key=lambda chunk: chunk.start)
-    assert found[1].errors == {3: "the worker process died during this rollout, twice"}
+    assert found[1].errors == {3: "the worker process died during this rollout, each time it was tried"}
     assert found[1].outcomes[3] == FAILED
     assert np.isnan(found[1].f[3])
     assert found[1].steps[3] == 0
