@@ -14,17 +14,27 @@ from ce.errors import (
     StateError,
     ThresholdError,
 )
+from ce.mixture import MixtureOptions, MixtureSampling
 from ce.naive import Naive, NaiveOptions
 from ce.normal import Normal
 from ce.product import Product
 from ce.protocol import Algorithm
 from ce.results import Condition, Curve, Estimate, FailedRollout, Trace, variance_ratio
-from ce.run import METHODS, algorithm, estimate, general_options
-from ce.state import Batch, CrossEntropyState, EstimationRecord, NaiveState, TrainingRecord, to_bytes
+from ce.run import METHODS, OPTIONS, algorithm, estimate, general_options
+from ce.state import (
+    Batch,
+    CrossEntropyState,
+    EstimationRecord,
+    MixtureState,
+    NaiveState,
+    TrainingRecord,
+    to_bytes,
+)
 from ce.streams import draw
 
 __all__ = [
     "METHODS",
+    "OPTIONS",
     "Algorithm",
     "Batch",
     "Beta",
@@ -39,6 +49,9 @@ __all__ = [
     "EstimationRecord",
     "FailedRollout",
     "FamilyError",
+    "MixtureOptions",
+    "MixtureSampling",
+    "MixtureState",
     "Naive",
     "NaiveOptions",
     "NaiveState",

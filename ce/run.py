@@ -2,30 +2,37 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ce.cross_entropy import LEAST_BUDGET, CrossEntropy, CrossEntropyOptions
 from ce.errors import OptionsError
+from ce.mixture import MixtureOptions, MixtureSampling
 from ce.naive import Naive, NaiveOptions
 from ce.product import Product
 from ce.protocol import Algorithm
 from ce.results import Estimate
 from ce.streams import checked_seed
 
-METHODS = ("naive", "ce")
+KINDS: dict[str, tuple[Any, type]] = {
+    "naive": (Naive, NaiveOptions),
+    "ce": (CrossEntropy, CrossEntropyOptions),
+    "mixture": (MixtureSampling, MixtureOptions),
+}
+METHODS = tuple(KINDS)
+OPTIONS: dict[str, type] = {name: kind for name, (_, kind) in KINDS.items()}
 PILOT = 5000  # rollouts at most
 COMMON = 0.01  # share of events in the pilot from which naive Monte Carlo is taken
-Options = NaiveOptions | CrossEntropyOptions
+Options = NaiveOptions | CrossEntropyOptions | MixtureOptions
 
 
 def algorithm(name: str, base: Product, gamma: float, options: Options | None = None) -> Algorithm:
-    """The algorithm "naive" or "ce" for p = P0(f(X) <= gamma). options: of its own kind, None = defaults."""
-    kinds = {"naive": (Naive, NaiveOptions), "ce": (CrossEntropy, CrossEntropyOptions)}
-    if name not in kinds:
+    """The algorithm of that name (METHODS) for p = P0(f(X) <= gamma). options: of its own kind, None = defaults."""
+    if name not in KINDS:
         raise OptionsError(f"method must be one of {', '.join(METHODS)}, not {name!r}")
-    make, options_kind = kinds[name]
+    make, options_kind = KINDS[name]
     if options is None:
         options = options_kind()
     if not isinstance(options, options_kind):
@@ -77,6 +84,8 @@ def estimate(
         options = NaiveOptions(budget=budget, rel_error=rel_error, confidence=confidence)
     elif options is None and method == "ce":
         options = general_options(budget, rel_error, confidence)
+    elif options is None and method in OPTIONS:
+        options = OPTIONS[method](budget=budget, rel_error=rel_error, confidence=confidence)
     return _run(f, algorithm(method, base, gamma, options), seed)
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ce.beta import Beta
 from ce.errors import StateError
+from ce.gaussian_mixture import Mixture, Part
 from ce.product import Product
 
 FORMAT = 1
@@ -23,7 +24,8 @@ class Batch(msgspec.Struct, frozen=True, eq=False):
 
     x: (n, d) float64; noise: (n,) uint64, a rollout's own seed; parameters: of the proposal, so that a
     worker holding the base can draw the same rows alone: `draw(base.with_parameters(parameters), seed,
-    phase, iteration, start, stop)`.
+    phase, iteration, start, stop)`. explicit: x is not such a draw but has to travel with the batch; parameters
+    then only describe it.
     """
 
     phase: str
@@ -34,6 +36,7 @@ class Batch(msgspec.Struct, frozen=True, eq=False):
     seed: int
     start: int
     stop: int
+    explicit: bool = False
 
 
 class TrainingRecord(msgspec.Struct, frozen=True):
@@ -112,6 +115,34 @@ class CrossEntropyState(msgspec.Struct, frozen=True, eq=False):
     format: int = FORMAT
 
 
+class MixtureState(msgspec.Struct, frozen=True, eq=False):
+    """Mixture sampling: the proposals so far, the last two fits, the elites in standard-normal space, the records,
+    then the estimation rollouts' f and log w.
+    """
+
+    digest: str
+    seed: int
+    phase: str  # "train", "estimate" or "done"
+    iteration: int
+    mixtures: tuple[Mixture, ...]
+    fits: tuple[Part, ...]
+    parameters: NDArray[np.float64]
+    level: float
+    least_quantile: float
+    reached_at: int  # iteration whose rho-quantile was first an event, -1 for none
+    improved_at: int
+    elite_u: NDArray[np.float64]
+    elite_f: NDArray[np.float64]
+    records: tuple[TrainingRecord, ...]
+    failed: tuple[tuple[int, int], ...]
+    f: NDArray[np.float64]
+    log_weights: NDArray[np.float64]
+    base_f: NDArray[np.float64]
+    look_at: int
+    method: str = "mixture"
+    format: int = FORMAT
+
+
 def _encode_array(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         little = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<"))
@@ -129,7 +160,7 @@ def _decode_array(kind: type, value: Any) -> Any:
 _encoder = msgspec.msgpack.Encoder(enc_hook=_encode_array)
 
 
-def to_bytes(state: NaiveState | CrossEntropyState) -> bytes:
+def to_bytes(state: msgspec.Struct) -> bytes:
     """The state as MessagePack."""
     return _encoder.encode(state)
 

@@ -45,7 +45,6 @@ def draw(
         raise OptionsError(f"rows must satisfy 0 <= start <= stop, not [{start}, {stop})")
     seed = checked_seed(seed)
     x = np.empty((stop - start, proposal.dim))
-    noise = np.empty(stop - start, dtype=np.uint64)
     for chunk in range(start // CHUNK, -(-stop // CHUNK)):
         first = chunk * CHUNK
         rows = slice(max(start - first, 0), min(stop - first, CHUNK))
@@ -56,7 +55,15 @@ def draw(
         for at, block in proposal.normals:
             z = source.standard_normal((CHUNK, block.dim))[rows]
             x[into, at : at + block.dim] = block.mean + block.correlator(z)
-        noise[into] = generator(seed, _NOISE_KIND, phase, iteration, chunk).bit_generator.random_raw(CHUNK)[
-            rows
-        ]
-    return x, noise
+    return x, noise_seeds(seed, phase, iteration, start, stop)
+
+
+def noise_seeds(seed: int, phase: str, iteration: int, start: int, stop: int) -> NDArray[np.uint64]:
+    """The rollouts' own seeds, (stop - start,), whatever x they go with."""
+    noise = np.empty(stop - start, dtype=np.uint64)
+    for chunk in range(start // CHUNK, -(-stop // CHUNK)):
+        first = chunk * CHUNK
+        rows = slice(max(start - first, 0), min(stop - first, CHUNK))
+        words = generator(seed, _NOISE_KIND, phase, iteration, chunk).bit_generator.random_raw(CHUNK)
+        noise[first + rows.start - start : first + rows.stop - start] = words[rows]
+    return noise

@@ -1,0 +1,114 @@
+"""Where weighted samples differ from N(0, I): the screen that makes the cross-entropy method work in high dimension.
+
+A weighted mean of n_eff samples is off by 1/sqrt(n_eff) in every coordinate, and its noise adds up over the
+coordinates: moving all of d means wastes d / (2 n_eff) nats. So only what stands out of that noise is moved:
+- coordinates whose mean or variance is beyond what the largest of d noisy ones would be, if they are few;
+- of the rest, the direction of its mean, where the length is beyond noise (Rubinstein's update, confined to
+  where El Masri, Morio and Simatos, Reliability Engineering & System Safety 216, 2021, show it to be optimal);
+- of the rest, principal directions whose variance leaves the Marchenko-Pastur interval.
+
+Projections on directions found from the same samples are too good by construction. Each sample's own
+contribution to the direction is therefore taken out of its projection (leave one out, to first order), which
+for the mean is the James-Stein shrinkage.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+LARGEST_FREE = 12  # dimensions up to which every coordinate is kept
+MOST_COORDINATES = 40  # significant coordinates above which directions are used instead
+MOST_DIRECTIONS = 5
+LARGEST_PCA = 1000
+LEAST_SUPPORT = 30  # effective number of samples that make up a direction's variance
+_MARGIN = 1.15  # beyond the Marchenko-Pastur edge
+
+
+@dataclass(frozen=True)
+class Subspace:
+    """basis: (d, r), orthonormal; y: (n, r) projections with each sample's own influence removed; scale: common
+    deviation of what is orthogonal."""
+
+    basis: Array
+    y: Array
+    scale: float
+
+
+def find(u: Array, w: Array) -> Subspace:
+    """The subspace for samples u (n, d) with weights w (n,) that sum to one."""
+    d = u.shape[1]
+    ess = 1.0 / float(np.sum(w * w))
+    if d <= LARGEST_FREE:
+        return Subspace(np.eye(d), u, 1.0)
+    mean, second = w @ u, w @ (u * u)
+    z = np.maximum(np.abs(mean), np.abs(second - 1.0) / math.sqrt(2.0)) * math.sqrt(ess)
+    kept = np.flatnonzero(z > math.sqrt(2.0 * math.log(2.0 * d)) + 0.3)
+    if kept.size > MOST_COORDINATES:
+        kept = kept[:0]
+    rest = np.setdiff1d(np.arange(d), kept)
+    columns, projections = [], []
+    for i in kept:
+        columns.append(np.eye(d)[i])
+        projections.append(u[:, i])
+    left, norm = u[:, rest], rest.size
+    own = w * np.sum(left * left, axis=1)
+    centre = w @ left
+    length2 = float(centre @ centre)
+    if norm and (ess * length2 - norm) / math.sqrt(2.0 * norm) > 3.0:
+        length = math.sqrt(length2)
+        direction = centre / length
+        projections.append((left @ centre - own) / length)
+        columns.append(_embedded(direction, rest, d))
+        left = left - np.outer(left @ direction, direction)
+        norm -= 1
+    if norm > 1 and rest.size <= LARGEST_PCA:
+        for direction, projection in _principal(left, w, ess, norm):
+            columns.append(_embedded(direction, rest, d))
+            projections.append(projection)
+            left = left - np.outer(left @ direction, direction)
+            norm -= 1
+    scale = 1.0
+    if norm > 0:
+        variance = float(w @ np.sum(left * left, axis=1)) / norm
+        if abs(variance - 1.0) > 3.0 * math.sqrt(2.0 / (norm * ess)):
+            scale = math.sqrt(variance)
+    basis = np.stack(columns, axis=1) if columns else np.zeros((d, 0))
+    y = np.stack(projections, axis=1) if projections else np.zeros((u.shape[0], 0))
+    return Subspace(basis, y, scale)
+
+
+def _embedded(direction: Array, rest: NDArray[np.intp], d: int) -> Array:
+    out = np.zeros(d)
+    out[rest] = direction
+    return out
+
+
+def _principal(left: Array, w: Array, ess: float, norm: int) -> list[tuple[Array, Array]]:
+    """Directions of `left` whose second moment leaves the noise interval, with their corrected projections."""
+    aspect = norm / ess
+    if aspect > 4.0:
+        return []
+    values, vectors = np.linalg.eigh((w[:, None] * left).T @ left)
+    bulk = float(np.median(values[-norm:])) if aspect < 1.0 else float(values.sum()) / norm
+    high = _MARGIN * bulk * (1.0 + math.sqrt(aspect)) ** 2
+    low = bulk * (1.0 - math.sqrt(aspect)) ** 2 / _MARGIN if aspect < 0.5 else 0.0
+    first = values.size - norm  # below: directions that were projected out
+    found = [i for i in range(first, values.size) if values[i] > high or values[i] < low]
+    strength = [values[i] / bulk - 1.0 - math.log(max(values[i] / bulk, 1e-12)) for i in found]
+    chosen = [found[j] for j in np.argsort(strength)[::-1][:MOST_DIRECTIONS]]
+    squares = (left @ vectors) ** 2
+    out = []
+    for i in chosen:
+        shares = w * squares[:, i] / values[i]
+        if float(np.sum(shares * shares)) * LEAST_SUPPORT > 1.0:
+            continue  # a few heavy samples, not a direction of the event
+        gap = values[i] - values
+        gap[i] = math.inf
+        gap[:first] = math.inf
+        own = w * np.sum(squares / gap, axis=1)
+        out.append((vectors[:, i], (left @ vectors[:, i]) * np.clip(1.0 - own, 0.0, 2.0)))
+    return out
