@@ -19,14 +19,17 @@ from ce.naive import Naive, NaiveOptions
 from ce.normal import Normal
 from ce.product import Product
 from ce.protocol import Algorithm
+from ce.replicated import ReplicatedEstimate
 from ce.results import Condition, Curve, Estimate, FailedRollout, Trace, variance_ratio
 from ce.run import METHODS, OPTIONS, algorithm, estimate, general_options
+from ce.splitting import Splitting, SplittingOptions
 from ce.state import (
     Batch,
     CrossEntropyState,
     EstimationRecord,
     MixtureState,
     NaiveState,
+    SplittingState,
     TrainingRecord,
     to_bytes,
 )
@@ -58,7 +61,11 @@ __all__ = [
     "Normal",
     "OptionsError",
     "Product",
+    "ReplicatedEstimate",
     "ResponseError",
+    "Splitting",
+    "SplittingOptions",
+    "SplittingState",
     "StateError",
     "ThresholdError",
     "Trace",

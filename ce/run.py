@@ -14,18 +14,20 @@ from ce.naive import Naive, NaiveOptions
 from ce.product import Product
 from ce.protocol import Algorithm
 from ce.results import Estimate
+from ce.splitting import Splitting, SplittingOptions
 from ce.streams import checked_seed
 
 KINDS: dict[str, tuple[Any, type]] = {
     "naive": (Naive, NaiveOptions),
     "ce": (CrossEntropy, CrossEntropyOptions),
     "mixture": (MixtureSampling, MixtureOptions),
+    "splitting": (Splitting, SplittingOptions),
 }
 METHODS = tuple(KINDS)
 OPTIONS: dict[str, type] = {name: kind for name, (_, kind) in KINDS.items()}
 PILOT = 5000  # rollouts at most
 COMMON = 0.01  # share of events in the pilot from which naive Monte Carlo is taken
-Options = NaiveOptions | CrossEntropyOptions | MixtureOptions
+Options = NaiveOptions | CrossEntropyOptions | MixtureOptions | SplittingOptions
 
 
 def algorithm(name: str, base: Product, gamma: float, options: Options | None = None) -> Algorithm:

@@ -2,8 +2,8 @@
 
 A Normal block is mean + L u (L its Cholesky factor), every other coordinate x = F^{-1}(Phi(u)); blocks are
 independent, so this is the Rosenblatt transform and no Nataf correlation has to be solved for. Both tails keep
-their relative accuracy: the upper half goes through the survival functions. Unlike in `ce.streams.draw`, the products here
-leave their rounding to BLAS: x made here travels with its batch.
+their relative accuracy: the upper half goes through the survival functions. Unlike in `ce.streams.draw`, the
+products here leave their rounding to BLAS: x made here travels with its batch.
 """
 
 import numpy as np

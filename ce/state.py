@@ -143,6 +143,45 @@ class MixtureState(msgspec.Struct, frozen=True, eq=False):
     format: int = FORMAT
 
 
+class SplittingState(msgspec.Struct, frozen=True, eq=False):
+    """Splitting: levels and steps; the chains, whose next move is the next batch; the pool, the present level's
+    sample so far (after the pilot only what the next level may grow from); and f with log weight and replication
+    of what the finished levels leave behind.
+    """
+
+    digest: str
+    seed: int
+    phase: str  # "pilot", "run" or "done"
+    batches: int  # answered
+    rollouts: int
+    training_rollouts: int
+    size: int  # samples of a level in a run
+    group: int
+    level: int
+    position: int  # states of the present chains
+    levels: NDArray[np.float64]
+    steps: NDArray[np.float64]  # (levels, d)
+    step: float  # the pilot's common factor
+    chain_u: NDArray[np.float64]
+    chain_f: NDArray[np.float64]
+    chain_noise: NDArray[np.uint64]
+    chain_run: NDArray[np.int64]
+    pool_u: NDArray[np.float64]
+    pool_f: NDArray[np.float64]
+    pool_noise: NDArray[np.uint64]
+    pool_run: NDArray[np.int64]
+    run_log_p: NDArray[np.float64]  # log P(f <= present level) by each run of the group
+    accepted: float
+    f: NDArray[np.float64]
+    log_weights: NDArray[np.float64]
+    replication: NDArray[np.int64]
+    base_f: NDArray[np.float64]
+    failed: tuple[tuple[int, int], ...]
+    reached: bool
+    method: str = "splitting"
+    format: int = FORMAT
+
+
 def _encode_array(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         little = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<"))
