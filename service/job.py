@@ -1,7 +1,6 @@
 """A job: everything that decides an estimate, and what is made of it."""
 
 import hashlib
-from dataclasses import asdict
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -27,7 +26,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
     ego: str
     gamma: float
     method: str
-    options: dict[str, Any]  # of ce.NaiveOptions or ce.CrossEntropyOptions
+    options: dict[str, Any]  # of the method: ce.OPTIONS
     seed: int
     tailroad: str = version("tailroad")
     weights_sha256: str = ""  # of the drivers' weights, so that a resumed job is not mixed with others'
@@ -99,19 +98,13 @@ class Problem:
         return Simulator(self.job.scenario, self.corridor, self.drivers, load_ego(self.job.ego), fcd=fcd)
 
 
-def _options(method: str, options: dict[str, Any]) -> ce.NaiveOptions | ce.CrossEntropyOptions:
-    kinds: dict[str, type] = {"naive": ce.NaiveOptions, "ce": ce.CrossEntropyOptions}
-    if method not in kinds:
+def _options(method: str, options: dict[str, Any]) -> Any:
+    if method not in ce.OPTIONS:
         raise InputError(f"no method named {method!r}; there are {', '.join(ce.METHODS)}")
     try:
-        return kinds[method](**options)
+        return ce.OPTIONS[method](**options)
     except TypeError as error:
         raise InputError(f"options of method {method!r}: {error}") from error
-
-
-def options_as_dict(options: ce.NaiveOptions | ce.CrossEntropyOptions) -> dict[str, Any]:
-    """Options as a job holds them."""
-    return asdict(options)
 
 
 def _weights_digest(drivers: DriverModel) -> str:

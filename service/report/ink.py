@@ -16,10 +16,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from service.report.words import significant
 
 # Okabe and Ito's colours, which people with any colour vision tell apart; line styles differ too.
-COLOURS = {"naive": "#0072B2", "ce": "#D55E00"}
-SPARE_COLOURS = ("#009E73", "#CC79A7", "#56B4E9", "#E69F00")
-STYLES = {"naive": "--", "ce": "-"}
-MARKERS = {"naive": "o", "ce": "s"}
+COLOURS = {"naive": "#0072B2", "ce": "#D55E00", "mixture": "#009E73"}
+SPARE_COLOURS = ("#CC79A7", "#56B4E9", "#E69F00")
+STYLES = {"naive": "--", "ce": "-", "mixture": "-."}
+MARKERS = {"naive": "o", "ce": "s", "mixture": "^"}
 BASE = "#6b6b6b"  # the base distribution, and reference lines
 EGO, THREAT, OTHER = "#1f1f1f", "#CC79A7", "#b9b9b9"
 WIDTH_IN = 5.0

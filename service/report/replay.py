@@ -38,7 +38,9 @@ class JobRecord:
 
     estimate: from the batches that are complete. recorded: rollouts on record, those of an incomplete batch included.
     parameters: of the proposal of each batch. event_rows, event_log_likelihood: the estimation rollouts with
-    f <= gamma, and log p0(x) of each, nats. outcomes: how the recorded rollouts of each phase ended.
+    f <= gamma, and log p0(x) of each, nats. explicit: x and noise seed of the events and failures of batches that
+    cannot be drawn from parameters alone, by (phase, iteration, row). outcomes: how the recorded rollouts of each
+    phase ended.
     """
 
     job: Job
@@ -49,6 +51,7 @@ class JobRecord:
     parameters: dict[BatchKey, np.ndarray]
     event_rows: np.ndarray
     event_log_likelihood: np.ndarray
+    explicit: dict[tuple[str, int, int], tuple[np.ndarray, int]]
     outcomes: dict[str, Counter[str]]
     errors: tuple[tuple[str, int, int, str], ...]  # phase, iteration, row, reason
     recorded: int
@@ -61,7 +64,9 @@ class JobRecord:
         return self.problem.algorithm.total_rollouts
 
     def redraw(self, phase: str, iteration: int, row: int) -> tuple[np.ndarray, int]:
-        """x (d,) and the noise seed of a rollout, drawn again just as its batch was."""
+        """x (d,) and the noise seed of an event or a failure, drawn again just as its batch was."""
+        if (phase, iteration, row) in self.explicit:
+            return self.explicit[phase, iteration, row]
         proposal = self.problem.base.with_parameters(self.parameters[phase, iteration])
         x, noise = ce.draw(proposal, self.problem.stream_seed, phase, iteration, row, row + 1)
         return x[0], int(noise[0])
@@ -91,10 +96,18 @@ def replay(store: RunDirectory, job: Job) -> JobRecord:
     parameters: dict[BatchKey, np.ndarray] = {}
     rows: list[np.ndarray] = []
     likelihood: list[np.ndarray] = []
+    explicit: dict[tuple[str, int, int], tuple[np.ndarray, int]] = {}
 
     def run_batch(batch: ce.Batch) -> np.ndarray:
         parameters[batch.phase, batch.iteration] = batch.parameters
         f = recorded(batch)
+        if batch.explicit:
+            told = np.isnan(f) if batch.phase == "train" else np.isnan(f) | (f <= job.gamma)
+            for i in np.flatnonzero(told).tolist():
+                explicit[batch.phase, batch.iteration, batch.start + i] = (
+                    batch.x[i].copy(),
+                    int(batch.noise[i]),
+                )
         if batch.phase == "estimate":
             events = np.flatnonzero(f <= job.gamma)
             rows.append(batch.start + events)
@@ -132,6 +145,7 @@ def replay(store: RunDirectory, job: Job) -> JobRecord:
         parameters=parameters,
         event_rows=np.concatenate([np.zeros(0, np.int64), *rows]),
         event_log_likelihood=np.concatenate([np.zeros(0), *likelihood]),
+        explicit=explicit,
         outcomes=outcomes,
         errors=tuple(errors),
         recorded=count,

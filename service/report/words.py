@@ -8,7 +8,11 @@ from typing import Any
 from service.job import Job
 from service.scenario import built_in_names, load_scenario
 
-METHOD_NAMES = {"naive": "naive Monte Carlo", "ce": "cross-entropy method"}
+METHOD_NAMES = {
+    "naive": "naive Monte Carlo",
+    "ce": "cross-entropy method",
+    "mixture": "mixture importance sampling",
+}
 BY_METHOD = METHOD_NAMES | {"ce": "the cross-entropy method"}
 ROAD_NAMES = {"i80": "I-80 at Emeryville"}
 PARAMETER_NAMES = {
