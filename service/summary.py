@@ -30,7 +30,7 @@ def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost") -> dict[str, Any]:
         "events": estimate.events,
         "ess": estimate.ess,
         "max_weight_share": estimate.max_weight_share,
-        "efficiency_vs_naive": _number(estimate.efficiency),
+        "efficiency_vs_naive": _number(estimate.efficiency) if variance_reliable(estimate) else None,
         "variance_reliable": variance_reliable(estimate),
         "converged": estimate.converged,
         "warnings": [{"name": w.name, "message": w.message, "remedy": w.remedy} for w in estimate.warnings],

@@ -194,7 +194,7 @@ def _print(summaries: list[dict[str, Any]], compared: list[dict[str, Any]]) -> N
     def row(label: str, values: list[str]) -> None:
         table.add_row(label, *values)
 
-    row("p", [f"{s['p']:.3g} ± {s['std_error']:.2g}" for s in summaries])
+    row("p", [_p(s) for s in summaries])
     row(f"{first['confidence']:.0%} interval", [f"{s['ci'][0]:.3g} to {s['ci'][1]:.3g}" for s in summaries])
     row("rollouts", [f"{s['rollouts']['total']:,}" for s in summaries])
     row("  of them training", [f"{s['rollouts']['training']:,}" for s in summaries])
@@ -217,6 +217,13 @@ def _print(summaries: list[dict[str, Any]], compared: list[dict[str, Any]]) -> N
             console.print(
                 f"[yellow]{s['method']}: {warning['name']}[/yellow]: {warning['message']} {warning['remedy']}"
             )
+
+
+def _p(summary: dict[str, Any]) -> str:
+    if summary["p"] is None:
+        return "not known"
+    trust = "" if summary["variance_reliable"] else "\n(see warnings: rely on the interval)"
+    return f"{summary['p']:.3g} ± {summary['std_error']:.2g}{trust}"
 
 
 def _ratio(comparison: dict[str, Any] | None, key: str) -> str:
