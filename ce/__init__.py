@@ -3,6 +3,7 @@
 README.md in this folder has the notation, the equations and the conditions behind each warning.
 """
 
+from ce.auto import Auto, AutoOptions
 from ce.beta import Beta
 from ce.cross_entropy import CrossEntropy, CrossEntropyOptions
 from ce.errors import (
@@ -24,6 +25,7 @@ from ce.results import Condition, Curve, Estimate, FailedRollout, Trace, varianc
 from ce.run import METHODS, OPTIONS, algorithm, estimate, general_options
 from ce.splitting import Splitting, SplittingOptions
 from ce.state import (
+    AutoState,
     Batch,
     CrossEntropyState,
     EstimationRecord,
@@ -39,6 +41,9 @@ __all__ = [
     "METHODS",
     "OPTIONS",
     "Algorithm",
+    "Auto",
+    "AutoOptions",
+    "AutoState",
     "Batch",
     "Beta",
     "BudgetError",

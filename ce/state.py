@@ -182,6 +182,21 @@ class SplittingState(msgspec.Struct, frozen=True, eq=False):
     format: int = FORMAT
 
 
+class AutoState(msgspec.Struct, frozen=True):
+    """Method auto: the stage, what earlier stages have cost, whether the trial is over, and the stage's own state."""
+
+    digest: str
+    seed: int
+    stage: str  # "mixture", "naive" or "splitting"
+    spent: int
+    tried: bool
+    inner: bytes
+    failed: tuple[tuple[str, int, int], ...]
+    reason: str  # why another stage was left for this one
+    method: str = "auto"
+    format: int = FORMAT
+
+
 def _encode_array(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         little = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<"))

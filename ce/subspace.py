@@ -45,7 +45,11 @@ def find(u: Array, w: Array) -> Subspace:
     if d <= LARGEST_FREE:
         return Subspace(np.eye(d), u, 1.0)
     mean, second = w @ u, w @ (u * u)
-    z = np.maximum(np.abs(mean), np.abs(second - 1.0) / math.sqrt(2.0)) * math.sqrt(ess)
+    # The weights' own spread of each statistic, but not less than that of N(0, 1) from n_eff equal weights.
+    w2 = w * w
+    spread = np.sqrt(np.maximum(w2 @ (u * u), 1.0 / ess))
+    spread2 = np.sqrt(np.maximum(w2 @ (u * u - 1.0) ** 2, 2.0 / ess))
+    z = np.maximum(np.abs(mean) / spread, np.abs(second - 1.0) / spread2)
     kept = np.flatnonzero(z > math.sqrt(2.0 * math.log(2.0 * d)) + 0.3)
     if kept.size > MOST_COORDINATES:
         kept = kept[:0]
@@ -95,7 +99,7 @@ def _principal(left: Array, w: Array, ess: float, norm: int) -> list[tuple[Array
     values, vectors = np.linalg.eigh((w[:, None] * left).T @ left)
     bulk = float(np.median(values[-norm:])) if aspect < 1.0 else float(values.sum()) / norm
     high = _MARGIN * bulk * (1.0 + math.sqrt(aspect)) ** 2
-    low = bulk * (1.0 - math.sqrt(aspect)) ** 2 / _MARGIN if aspect < 0.5 else 0.0
+    low = bulk * (1.0 - math.sqrt(aspect)) ** 2 / _MARGIN if aspect < 0.5 else -math.inf
     first = values.size - norm  # below: directions that were projected out
     found = [i for i in range(first, values.size) if values[i] > high or values[i] < low]
     strength = [values[i] / bulk - 1.0 - math.log(max(values[i] / bulk, 1e-12)) for i in found]

@@ -1,0 +1,83 @@
+import math
+
+import numpy as np
+import pytest
+
+import ce
+from tests.reference.problems import BETAS, LINEAR_2
+
+HIGH = ce.Product([ce.Normal(np.zeros(60), np.eye(60))])
+
+
+def scattered(x):
+    """An event that no few Gaussians describe: the largest of 60 coordinates."""
+    return -np.abs(x).max(axis=1)
+
+
+def test_common_events_are_left_to_naive_monte_carlo():
+    est = ce.estimate(LINEAR_2.f, LINEAR_2.base, 2.5, budget=10_000)
+    p = 0.5 * math.erfc(1.0 / math.sqrt(2))
+    assert est.method == "naive"
+    assert est.rollouts == 10_000
+    assert est.training_rollouts == 500
+    assert est.p == pytest.approx(p, abs=4 * est.std_error)
+
+
+@pytest.mark.parametrize("problem", [LINEAR_2, BETAS], ids=lambda p: p.name)
+def test_rare_events_are_searched_for(problem):
+    est = ce.estimate(problem.f, problem.base, problem.gamma, budget=10_000)
+    assert est.method == "mixture"
+    assert est.rollouts == 10_000
+    assert est.p == pytest.approx(problem.p, abs=4 * est.std_error)
+    assert est.efficiency > 100
+    assert not est.warnings
+
+
+def test_where_no_proposal_fits_it_switches_and_counts_what_that_cost():
+    p = 1.0 - (1.0 - math.erfc(5.0 / math.sqrt(2))) ** 60
+    est = ce.estimate(scattered, HIGH, -5.0, budget=20_000, seed=2)
+    assert est.rollouts <= 20_000
+    assert est.ci[0] <= p <= est.ci[1] or est.warnings
+    if est.method != "mixture":
+        assert est.training_rollouts > 1000
+
+
+@pytest.mark.parametrize("budget", [1, 500, 999])
+def test_little_budgets_are_spent_on_naive_monte_carlo(budget):
+    est = ce.estimate(LINEAR_2.f, LINEAR_2.base, 0.0, budget=budget)
+    assert (est.method, est.rollouts) == ("naive", budget)
+
+
+@pytest.mark.parametrize(
+    ("problem", "gamma", "budget"),
+    [(LINEAR_2, 0.0, 2000), (LINEAR_2, 2.5, 2000), (ce.Product([ce.Beta(2, 2)]), None, 2000)],
+    ids=["search", "naive", "splitting"],
+)
+def test_resuming_at_every_step_gives_the_same_bits(problem, gamma, budget):
+    base, f = (problem, lambda x: np.ones(len(x))) if gamma is None else (problem.base, problem.f)
+    algorithm = ce.algorithm("auto", base, gamma or 0.0, ce.AutoOptions(budget=budget, batch_size=300))
+    straight = resumed = algorithm.init(5)
+    keys, rollouts = [], 0
+    while (batch := algorithm.propose(straight)) is not None:
+        keys.append((batch.phase, batch.iteration, batch.start))
+        rollouts += batch.x.shape[0]
+        straight, _ = algorithm.update(straight, batch, f(batch.x))
+        resumed = algorithm.from_bytes(algorithm.to_bytes(resumed))
+        again = algorithm.propose(resumed)
+        np.testing.assert_array_equal(again.x, batch.x)
+        resumed, _ = algorithm.update(resumed, again, f(again.x))
+        assert algorithm.estimate(straight).rollouts == rollouts
+    assert len(set(keys)) == len(keys)
+    assert ce.to_bytes(straight) == ce.to_bytes(resumed)
+    assert algorithm.estimate(straight).finished
+
+
+def test_failed_rollouts_of_every_stage_are_listed():
+    def f(x):
+        return np.where(np.arange(len(x)) < 2, np.nan, 1.0)
+
+    est = ce.estimate(f, BETAS.base, 0.0, budget=3000)
+    assert est.failed > 4
+    assert len({(r.phase, r.iteration, r.index) for r in est.failed_rollouts}) == est.failed
+    assert "failed-rollouts" in [w.name for w in est.warnings]
+    assert est.ci[1] > 0
