@@ -15,6 +15,7 @@ from ce.errors import (
     StateError,
     ThresholdError,
 )
+from ce.marginals import Exponential, Gumbel, LogNormal, Marginal, TruncatedNormal, Uniform, Weibull
 from ce.mixture import MixtureOptions, MixtureSampling
 from ce.naive import Naive, NaiveOptions
 from ce.normal import Normal
@@ -55,8 +56,12 @@ __all__ = [
     "Curve",
     "Estimate",
     "EstimationRecord",
+    "Exponential",
     "FailedRollout",
     "FamilyError",
+    "Gumbel",
+    "LogNormal",
+    "Marginal",
     "MixtureOptions",
     "MixtureSampling",
     "MixtureState",
@@ -75,6 +80,9 @@ __all__ = [
     "ThresholdError",
     "Trace",
     "TrainingRecord",
+    "TruncatedNormal",
+    "Uniform",
+    "Weibull",
     "algorithm",
     "draw",
     "estimate",

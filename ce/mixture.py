@@ -311,7 +311,8 @@ class MixtureSampling:
         means = [
             block.mean + block.factor @ shift[start : start + block.dim] for start, block in base.normals
         ]
-        return np.concatenate([betas[0], betas[1], *means])
+        others = [marginal.shift + shift[column] for column, marginal in base.marginals]
+        return np.concatenate([betas[0], betas[1], *means, others])
 
     def _estimation_step(self, state: MixtureState, f: Array) -> tuple[MixtureState, EstimationRecord]:
         o = self.options

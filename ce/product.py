@@ -9,28 +9,31 @@ from scipy.special import betaln, xlog1py, xlogy
 
 from ce.beta import Beta, BetaColumns
 from ce.errors import FamilyError
+from ce.marginals import Marginal
 from ce.normal import Normal
 
 Array = NDArray[np.float64]
-Block = Beta | Normal
+Block = Beta | Normal | Marginal
 
 
 class Product:
     """Independent blocks side by side; x has shape (n, d), d = the sum of the blocks' dimensions.
 
-    blocks: Beta (one coordinate each) and Normal (any number). names: one label a coordinate, for people
-    only. Scalar Betas are handled together as arrays. Not to be changed after construction.
+    blocks: Beta and the marginals of `ce.marginals` (one coordinate each), Normal (any number). names: one label a
+    coordinate, for people only. Scalar Betas are handled together as arrays. Not to be changed after construction.
     """
 
     def __init__(self, blocks: Sequence[Block], names: Sequence[str] | None = None) -> None:
-        if isinstance(blocks, Beta | Normal):
+        if isinstance(blocks, Beta | Normal | Marginal):
             blocks = [blocks]
         self.blocks: tuple[Block, ...] = tuple(blocks)
         if not self.blocks:
             raise FamilyError("Product needs at least one block")
         for block in self.blocks:
-            if not isinstance(block, Beta | Normal):
-                raise FamilyError(f"Product takes ce.Beta and ce.Normal blocks, not {type(block).__name__}")
+            if not isinstance(block, Beta | Normal | Marginal):
+                raise FamilyError(
+                    f"Product takes blocks (ce.Beta, ce.Normal, ce.Uniform, ...), not {type(block).__name__}"
+                )
         starts = np.cumsum([0] + [block.dim for block in self.blocks])
         self.dim = int(starts[-1])
         self.starts: tuple[int, ...] = tuple(int(s) for s in starts[:-1])
@@ -40,6 +43,9 @@ class Product:
         self.betas = BetaColumns.of([b for b in self.blocks if isinstance(b, Beta)])
         self.normals: tuple[tuple[int, Normal], ...] = tuple(
             (s, b) for s, b in zip(self.starts, self.blocks, strict=True) if isinstance(b, Normal)
+        )
+        self.marginals: tuple[tuple[int, Marginal], ...] = tuple(
+            (s, b) for s, b in zip(self.starts, self.blocks, strict=True) if isinstance(b, Marginal)
         )
         self.names = None if names is None else tuple(str(name) for name in names)
         if self.names is not None and len(self.names) != self.dim:
@@ -57,25 +63,34 @@ class Product:
     # -- natural exponential family -------------------------------------------------------------------------
 
     def statistics(self, x: ArrayLike) -> Array:
-        """Gamma(x), (n, s): log u of each Beta, log(1 - u) of each Beta, then each Normal's x."""
+        """Gamma(x), (n, s): log u of each Beta, log(1 - u) of each Beta, each Normal's x, each other marginal's
+        value in standard-normal space."""
         x = self.checked(x)
         parts = [*self.betas.statistics(x[:, self.beta_columns])]
         parts += [x[:, s : s + b.dim] for s, b in self.normals]
+        parts += [b.to_standard(x[:, s : s + 1]) for s, b in self.marginals]
         return np.concatenate(parts, axis=1)
 
     def natural(self) -> Array:
-        """theta, (s,), in the order of `statistics`: alphas, betas, then Sigma^{-1} mu of each Normal."""
+        """theta, (s,), in the order of `statistics`: alphas, betas, then Sigma^{-1} mu of each Normal, then shifts."""
         return np.concatenate(
-            [self.betas.alpha, self.betas.beta, *(b.precision_mean for _, b in self.normals)]
+            [self.betas.alpha, self.betas.beta, *(b.precision_mean for _, b in self.normals), self.shifts]
         )
+
+    @property
+    def shifts(self) -> Array:
+        """Of the marginals in standard-normal space, (k,)."""
+        return np.array([b.shift for _, b in self.marginals])
 
     def log_partition(self) -> float:
         """A(theta), nats (covariances fixed)."""
-        return float(np.sum(self.betas.log_partition())) + sum(b.log_partition() for _, b in self.normals)
+        normals = sum(b.log_partition() for _, b in self.normals)
+        return float(np.sum(self.betas.log_partition())) + normals + 0.5 * float(np.sum(self.shifts**2))
 
     def mean_statistics(self) -> Array:
         """Gradient of A = E_theta[Gamma(X)], (s,)."""
-        return np.concatenate([*self.betas.mean_statistics(), *(b.mean for _, b in self.normals)])
+        means = (b.mean for _, b in self.normals)
+        return np.concatenate([*self.betas.mean_statistics(), *means, self.shifts])
 
     # -- densities ------------------------------------------------------------------------------------------
 
@@ -85,6 +100,8 @@ class Product:
         total = self.betas.log_density(x[:, self.beta_columns])
         for start, block in self.normals:
             total = total + block.log_density(x[:, start : start + block.dim])
+        for column, marginal in self.marginals:
+            total = total + marginal.log_density(x[:, column])
         return total
 
     def log_ratio(self, other: "Product", x: ArrayLike) -> Array:
@@ -98,21 +115,27 @@ class Product:
         total = (terms - (mine.log_partition() - theirs.log_partition())).sum(axis=1)
         for (start, block), (_, other_block) in zip(self.normals, other.normals, strict=True):
             total = total + block.log_ratio(other_block, x[:, start : start + block.dim])
+        for (column, marginal), shift in zip(self.marginals, other.shifts, strict=True):
+            if marginal.shift != shift:
+                middle = 0.5 * (marginal.shift + shift)
+                total = total + (marginal.shift - shift) * (marginal.to_standard(x[:, column]) - middle)
         return total
 
     def kl(self, other: "Product") -> float:
         """KL(self || other), nats."""
         normals = zip(self.normals, other.normals, strict=True)
-        return self.betas.kl(other.betas) + sum(mine.kl(theirs) for (_, mine), (_, theirs) in normals)
+        blocks = self.betas.kl(other.betas) + sum(mine.kl(theirs) for (_, mine), (_, theirs) in normals)
+        return blocks + 0.5 * float(np.sum((self.shifts - other.shifts) ** 2))
 
     # -- parameters as a vector ------------------------------------------------------------------------------
 
     def parameters(self, covariances: bool = False) -> Array:
-        """Alphas, betas, then each Normal's mean (and, if asked, its covariance row by row): a flat vector.
+        """Alphas, betas, each Normal's mean, each other marginal's shift (and, if asked, the Normals' covariances row
+        by row): a flat vector.
 
         This is what is stored and sent: together with the base it gives the proposal back to the bit.
         """
-        parts = [self.betas.alpha, self.betas.beta, *(b.mean for _, b in self.normals)]
+        parts = [self.betas.alpha, self.betas.beta, *(b.mean for _, b in self.normals), self.shifts]
         if covariances:
             parts += [b.cov.ravel() for _, b in self.normals]
         return np.concatenate(parts)
@@ -124,17 +147,21 @@ class Product:
         """
         vector = np.asarray(parameters, dtype=np.float64)
         m = self.beta_columns.size
-        short = 2 * m + sum(b.dim for _, b in self.normals)
+        short = 2 * m + sum(b.dim for _, b in self.normals) + len(self.marginals)
         full = short + sum(b.dim**2 for _, b in self.normals)
         if vector.shape not in ((short,), (full,)):
             raise FamilyError(f"parameters must have shape ({short},) or ({full},), not {vector.shape}")
         betas = iter(zip(vector[:m], vector[m : 2 * m], strict=True))
         at, cov_at = 2 * m, short
+        shifts = iter(vector[short - len(self.marginals) : short])
         blocks: list[Block] = []
         for block in self.blocks:
             if isinstance(block, Beta):
                 alpha, beta = next(betas)
                 blocks.append(Beta(float(alpha), float(beta), block.low, block.high))
+                continue
+            if isinstance(block, Marginal):
+                blocks.append(block.shifted(float(next(shifts))))
                 continue
             mean = vector[at : at + block.dim]
             at += block.dim
@@ -160,6 +187,11 @@ class Product:
             )
             inside = (grid >= block.low) & (grid <= block.high)
             return np.where(inside, np.exp(log_pdf) / width, 0.0)
+        if isinstance(block, Marginal):
+            low, high = (float(block.from_standard(np.array(u))) for u in (-8.0, 8.0))
+            inside = (grid > low) & (grid < high)
+            density = np.exp(block.log_density(np.clip(grid, low, high)))
+            return np.where(inside, density, 0.0)
         deviation = np.sqrt(block.cov[j, j])
         return np.exp(-0.5 * ((grid - block.mean[j]) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
 
@@ -168,6 +200,8 @@ class Product:
         block, j = self._locate(i)
         if isinstance(block, Beta):
             return block.low, block.high
+        if isinstance(block, Marginal):
+            return float(block.from_standard(np.array(-3.0))), float(block.from_standard(np.array(3.0)))
         half = 4.0 * float(np.sqrt(block.cov[j, j]))
         return float(block.mean[j]) - half, float(block.mean[j]) + half
 

@@ -20,7 +20,8 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Projection:
     """Theta around a base: Beta parameters within beta_bounds (widened per parameter to hold the base's
-    own), Normal means within mean_box of the base's (None: free), Normal covariances the base's unless
+    own), Normal means within mean_box of the base's (None: free), shifts of other
+    marginals free, Normal covariances the base's unless
     learn_covariance."""
 
     base: Product
@@ -57,7 +58,7 @@ class Projection:
                 covariances.append(
                     _covariance(block, x[:, start : start + block.dim], weights, step, mean).ravel()
                 )
-        return np.concatenate(parts + covariances)
+        return np.concatenate([*parts, target[at:], *covariances])
 
 
 def _weighted_mean(weights: Array, values: Array) -> Array:

@@ -25,11 +25,13 @@ def from_standard(base: Product, u: Array) -> Array:
         tail = ndtr(-np.abs(v))
         unit = np.empty_like(v)
         for inverse, where in ((betaincinv, v < 0), (betainccinv, v >= 0)):
-            column = np.nonzero(where)[1]
-            unit[where] = inverse(b.alpha[column], b.beta[column], tail[where])
+            which = np.nonzero(where)[1]
+            unit[where] = inverse(b.alpha[which], b.beta[which], tail[where])
         x[:, columns] = np.clip(b.low + b.width * unit, b.low, b.high)
     for start, block in base.normals:
         x[:, start : start + block.dim] = block.mean + u[:, start : start + block.dim] @ block.factor.T
+    for column, marginal in base.marginals:
+        x[:, column] = marginal.from_standard(u[:, column] + marginal.shift)
     return x
 
 
@@ -45,4 +47,6 @@ def to_standard(base: Product, x: Array) -> Array:
     for start, block in base.normals:
         part = x[:, start : start + block.dim]
         u[:, start : start + block.dim] = solve_triangular(block.factor, (part - block.mean).T, lower=True).T
+    for column, marginal in base.marginals:
+        u[:, column] = marginal.to_standard(x[:, column]) - marginal.shift
     return u

@@ -5,6 +5,7 @@ a state read back is the same to the bit.
 """
 
 import hashlib
+from dataclasses import fields
 from typing import Any
 
 import msgspec
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from ce.beta import Beta
 from ce.errors import StateError
 from ce.gaussian_mixture import Mixture, Part
+from ce.normal import Normal
 from ce.product import Product
 
 FORMAT = 1
@@ -237,8 +239,12 @@ def from_bytes(data: bytes, kind: type, digest: str) -> Any:
 
 def digest_of(base: Product, *rest: Any) -> str:
     """SHA-256 over the base distribution's numbers and whatever else defines the problem."""
-    described = [
-        ["beta", b.alpha, b.beta, b.low, b.high] if isinstance(b, Beta) else ["normal", b.mean, b.cov]
-        for b in base.blocks
-    ]
+    described: list[list[Any]] = []
+    for b in base.blocks:
+        if isinstance(b, Beta):
+            described.append(["beta", b.alpha, b.beta, b.low, b.high])
+        elif isinstance(b, Normal):
+            described.append(["normal", b.mean, b.cov])
+        else:
+            described.append([type(b).__name__, *(getattr(b, f.name) for f in fields(b))  # type: ignore[arg-type]])
     return hashlib.sha256(_encoder.encode([described, *rest])).hexdigest()

@@ -36,8 +36,8 @@ def draw(
 ) -> tuple[NDArray[np.float64], NDArray[np.uint64]]:
     """Rows [start, stop) of a batch: x (n, d) from the proposal and a noise seed (n,) for each rollout.
 
-    phase: "train" or "estimate". Within a chunk all Betas are drawn first, then each Normal's
-    standard normals; the whole chunk's numbers are drawn, but only the rows asked for are correlated.
+    phase: "train" or "estimate". Within a chunk all Betas are drawn first, then each Normal's standard normals, then
+    those of each other marginal; the whole chunk's numbers are drawn, but only the rows asked for are correlated.
     """
     if phase not in PHASES:
         raise OptionsError(f"phase must be one of {', '.join(PHASES)}, not {phase!r}")
@@ -55,6 +55,8 @@ def draw(
         for at, block in proposal.normals:
             z = source.standard_normal((CHUNK, block.dim))[rows]
             x[into, at : at + block.dim] = block.mean + block.correlator(z)
+        for at, marginal in proposal.marginals:
+            x[into, at] = marginal.from_standard(marginal.shift + source.standard_normal(CHUNK)[rows])
     return x, noise_seeds(seed, phase, iteration, start, stop)
 
 

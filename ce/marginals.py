@@ -1,0 +1,285 @@
+"""One-dimensional marginals by transform: X = T(U), U ~ N(shift, 1), T = F^{-1}(Phi) with F the named distribution.
+
+shift = 0 is the named distribution itself; proposals move the shift, which makes every one of these a natural
+exponential family with Gamma(x) = u, theta = shift, A(theta) = theta^2 / 2 and the named distribution as carrier.
+Both tails go through the function that is accurate there (F or 1 - F).
+"""
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
+
+from ce.errors import FamilyError
+
+Array = NDArray[np.float64]
+
+_FARTHEST = 37.0  # |u| beyond which Phi(-|u|) is no longer a normal number
+
+
+class Marginal:
+    """What the families below, all of them dataclasses, share; not to be used itself."""
+
+    dim = 1
+    shift: float
+
+    def __post_init__(self) -> None:
+        for field in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, field.name)
+            try:
+                number = float(value)
+            except (TypeError, ValueError):
+                raise FamilyError(f"{self._name} {field.name} must be one number, not {value!r}") from None
+            if math.isnan(number) or (math.isinf(number) and field.name not in ("low", "high")):
+                raise FamilyError(f"{self._name} {field.name} must be finite, not {number}")
+            object.__setattr__(self, field.name, number)
+        self._check()
+
+    @property
+    def _name(self) -> str:
+        return type(self).__name__
+
+    def _check(self) -> None:
+        for name in ("scale", "shape", "rate", "sigma", "deviation"):
+            if getattr(self, name, 1.0) <= 0:
+                raise FamilyError(f"{self._name} needs {name} > 0, not {getattr(self, name)}")
+        if not getattr(self, "low", 0.0) < getattr(self, "high", 1.0):
+            raise FamilyError(f"{self._name} needs low < high")
+
+    def shifted(self, shift: float) -> Self:
+        """The same family member with that shift."""
+        return replace(self, shift=float(shift))  # type: ignore[type-var]
+
+    def from_standard(self, u: Array) -> Array:
+        """T(u), elementwise."""
+        u = np.clip(u, -_FARTHEST, _FARTHEST)
+        tail = ndtr(-np.abs(u))
+        return np.where(u < 0, self._ppf(tail), self._isf(tail))
+
+    def to_standard(self, x: Array) -> Array:
+        """The inverse of T; FamilyError outside the support."""
+        below, above = self._cdf(x), self._sf(x)
+        if not np.all((below >= 0) & (above >= 0) & (below + above > 0.5)) or not self._holds(x):
+            raise FamilyError(f"a value lies outside the support of its {self._name} marginal")
+        return np.clip(np.where(below < above, ndtri(below), -ndtri(above)), -_FARTHEST, _FARTHEST)
+
+    def log_density(self, x: Array) -> Array:
+        """log p(x), elementwise, per unit of x."""
+        return self._log_pdf(x) + self.shift * self.to_standard(x) - 0.5 * self.shift**2
+
+    def _holds(self, x: Array) -> bool:
+        return True
+
+    def _ppf(self, q: Array) -> Array:
+        raise NotImplementedError
+
+    def _isf(self, q: Array) -> Array:
+        raise NotImplementedError
+
+    def _cdf(self, x: Array) -> Array:
+        raise NotImplementedError
+
+    def _sf(self, x: Array) -> Array:
+        raise NotImplementedError
+
+    def _log_pdf(self, x: Array) -> Array:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Uniform(Marginal):
+    """Uniform on (low, high)."""
+
+    low: float = 0.0
+    high: float = 1.0
+    shift: float = 0.0
+
+    def _check(self) -> None:
+        if not (self.low < self.high and math.isfinite(self.high - self.low)):
+            raise FamilyError(f"Uniform needs finite low < high, not ({self.low}, {self.high})")
+
+    def _ppf(self, q: Array) -> Array:
+        return self.low + (self.high - self.low) * q
+
+    def _isf(self, q: Array) -> Array:
+        return self.high - (self.high - self.low) * q
+
+    def _cdf(self, x: Array) -> Array:
+        return (x - self.low) / (self.high - self.low)
+
+    def _sf(self, x: Array) -> Array:
+        return (self.high - x) / (self.high - self.low)
+
+    def _log_pdf(self, x: Array) -> Array:
+        return np.full(np.shape(x), -math.log(self.high - self.low))
+
+
+@dataclass(frozen=True)
+class LogNormal(Marginal):
+    """exp(mu + sigma U)."""
+
+    mu: float = 0.0
+    sigma: float = 1.0
+    shift: float = 0.0
+
+    def from_standard(self, u: Array) -> Array:
+        return np.exp(self.mu + self.sigma * u)
+
+    def to_standard(self, x: Array) -> Array:
+        if not np.all(x > 0):
+            raise FamilyError("a value lies outside the support of its LogNormal marginal")
+        return (np.log(x) - self.mu) / self.sigma
+
+    def _log_pdf(self, x: Array) -> Array:
+        u = self.to_standard(x)
+        return -0.5 * u * u - np.log(x) - math.log(self.sigma * math.sqrt(2.0 * math.pi))
+
+
+@dataclass(frozen=True)
+class Weibull(Marginal):
+    """1 - F(x) = exp(-((x - origin) / scale)^shape)."""
+
+    shape: float
+    scale: float = 1.0
+    origin: float = 0.0
+    shift: float = 0.0
+
+    def _holds(self, x: Array) -> bool:
+        return bool(np.all(x >= self.origin))
+
+    def _power(self, x: Array) -> Array:
+        return np.maximum((x - self.origin) / self.scale, 0.0) ** self.shape
+
+    def _ppf(self, q: Array) -> Array:
+        return self.origin + self.scale * (-np.log1p(-q)) ** (1.0 / self.shape)
+
+    def _isf(self, q: Array) -> Array:
+        return self.origin + self.scale * (-np.log(q)) ** (1.0 / self.shape)
+
+    def _cdf(self, x: Array) -> Array:
+        return -np.expm1(-self._power(x))
+
+    def _sf(self, x: Array) -> Array:
+        return np.exp(-self._power(x))
+
+    def _log_pdf(self, x: Array) -> Array:
+        ratio = (x - self.origin) / self.scale
+        with np.errstate(divide="ignore"):
+            return math.log(self.shape / self.scale) + (self.shape - 1.0) * np.log(ratio) - self._power(x)
+
+
+@dataclass(frozen=True)
+class Exponential(Marginal):
+    """1 - F(x) = exp(-rate (x - origin))."""
+
+    rate: float = 1.0
+    origin: float = 0.0
+    shift: float = 0.0
+
+    def _holds(self, x: Array) -> bool:
+        return bool(np.all(x >= self.origin))
+
+    def _ppf(self, q: Array) -> Array:
+        return self.origin - np.log1p(-q) / self.rate
+
+    def _isf(self, q: Array) -> Array:
+        return self.origin - np.log(q) / self.rate
+
+    def _cdf(self, x: Array) -> Array:
+        return -np.expm1(-self.rate * (x - self.origin))
+
+    def _sf(self, x: Array) -> Array:
+        return np.exp(-self.rate * (x - self.origin))
+
+    def _log_pdf(self, x: Array) -> Array:
+        return math.log(self.rate) - self.rate * (x - self.origin)
+
+
+@dataclass(frozen=True)
+class Gumbel(Marginal):
+    """Largest values: F(x) = exp(-exp(-(x - location) / scale))."""
+
+    location: float = 0.0
+    scale: float = 1.0
+    shift: float = 0.0
+
+    def _decay(self, x: Array) -> Array:
+        return np.exp(-(x - self.location) / self.scale)
+
+    def _ppf(self, q: Array) -> Array:
+        return self.location - self.scale * np.log(-np.log(q))
+
+    def _isf(self, q: Array) -> Array:
+        return self.location - self.scale * np.log(-np.log1p(-q))
+
+    def _cdf(self, x: Array) -> Array:
+        return np.exp(-self._decay(x))
+
+    def _sf(self, x: Array) -> Array:
+        return -np.expm1(-self._decay(x))
+
+    def _log_pdf(self, x: Array) -> Array:
+        return -(x - self.location) / self.scale - self._decay(x) - math.log(self.scale)
+
+
+@dataclass(frozen=True)
+class TruncatedNormal(Marginal):
+    """N(mean, deviation^2) given low < x < high (either may be infinite)."""
+
+    mean: float = 0.0
+    deviation: float = 1.0
+    low: float = -math.inf
+    high: float = math.inf
+    shift: float = 0.0
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        """The ends in deviations from the mean, mirrored so that the interval begins in the lower half."""
+        a, b = (self.low - self.mean) / self.deviation, (self.high - self.mean) / self.deviation
+        return (-b, -a) if a > 0 else (a, b)
+
+    @property
+    def _sign(self) -> float:
+        return -1.0 if self.low > self.mean else 1.0
+
+    @property
+    def _mass(self) -> float:
+        a, b = self._ends
+        return float(ndtr(b) - ndtr(a)) if b < 0 else float(1.0 - ndtr(a) - ndtr(-b))
+
+    def _quantile(self, q: Array, from_low: bool) -> Array:
+        a, b = self._ends
+        if from_low:
+            z = ndtri(ndtr(a) + q * self._mass)
+        else:
+            z = -ndtri(ndtr(-b) + q * self._mass) if b > 0 else ndtri(ndtr(b) - q * self._mass)
+        return np.clip(self.mean + self.deviation * self._sign * np.clip(z, a, b), self.low, self.high)
+
+    def _ppf(self, q: Array) -> Array:
+        return self._quantile(q, self._sign > 0)
+
+    def _isf(self, q: Array) -> Array:
+        return self._quantile(q, self._sign < 0)
+
+    def _share(self, x: Array, from_low: bool) -> Array:
+        a, b = self._ends
+        z = np.clip(self._sign * (x - self.mean) / self.deviation, a, b)
+        if from_low:
+            return (ndtr(z) - ndtr(a)) / self._mass
+        return ((ndtr(-z) - ndtr(-b)) if b > 0 else (ndtr(b) - ndtr(z))) / self._mass
+
+    def _cdf(self, x: Array) -> Array:
+        return self._share(x, self._sign > 0)
+
+    def _sf(self, x: Array) -> Array:
+        return self._share(x, self._sign < 0)
+
+    def _holds(self, x: Array) -> bool:
+        return bool(np.all((x >= self.low) & (x <= self.high)))
+
+    def _log_pdf(self, x: Array) -> Array:
+        z = (x - self.mean) / self.deviation
+        return -0.5 * z * z - math.log(self.deviation * math.sqrt(2.0 * math.pi) * self._mass)
