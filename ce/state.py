@@ -246,5 +246,6 @@ def digest_of(base: Product, *rest: Any) -> str:
         elif isinstance(b, Normal):
             described.append(["normal", b.mean, b.cov])
         else:
-            described.append([type(b).__name__, *(getattr(b, f.name) for f in fields(b))  # type: ignore[arg-type]])
+            names = [f.name for f in fields(b)]  # type: ignore[arg-type]
+            described.append([type(b).__name__, *(getattr(b, name) for name in names)])
     return hashlib.sha256(_encoder.encode([described, *rest])).hexdigest()
