@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.special import gammainc, gammaincc
 
-from tests.reference.problems import BETAS, CORRELATED, LINEAR_2, LINEAR_404
+from tests.reference.problems import ALL, BETAS, CORRELATED, LINEAR_2, LINEAR_404
 
 
 @pytest.mark.parametrize(("beta", "p"), [(3.5, LINEAR_2.p), (3.5, LINEAR_404.p), (4.5, CORRELATED.p)])
@@ -35,3 +36,46 @@ def test_beta_problem_is_a_power_of_one_marginal():
     one, _ = quad(lambda u: 6 * u * (1 - u), 0, 0.2)
     assert one**5 == pytest.approx(BETAS.p, rel=1e-7)
     assert pytest.approx(BETAS.p, rel=1e-7) == (3 * 0.2**2 - 2 * 0.2**3) ** 5
+
+
+KNOWN = {problem.name: problem for problem in ALL}
+
+
+def test_sums_of_exponentials_and_squares_are_gamma_tails():
+    for d, c in ((20, 8.951), (404, 333.488553829)):
+        assert gammainc(d, c) == pytest.approx(KNOWN[f"sum of {d} Exp(1) < {c:g}"].p, rel=1e-7)
+    for t in (530, 560):
+        assert gammaincc(202.0, t / 2) == pytest.approx(KNOWN[f"|x|^2 > {t}, d=404"].p, rel=1e-7)
+
+
+def test_corners_are_products_of_normal_tails():
+    for least in (2, 3):
+        tail = 0.5 * math.erfc(least / math.sqrt(2))
+        assert 2 * tail**2 == pytest.approx(KNOWN[f"min(|x|, y) >= {least}"].p, rel=1e-7)
+
+
+@pytest.mark.parametrize("k", [6, 7])
+def test_four_branches_by_quadrature(k):
+    """In rotated coordinates s = (a + b) / sqrt 2, t = (a - b) / sqrt 2: safe where |s| < 3 + 0.2 t^2 and
+    |t| < k / 2."""
+    inside, _ = quad(
+        lambda t: (
+            math.exp(-0.5 * t * t) / math.sqrt(2 * math.pi) * math.erf((3 + 0.2 * t * t) / math.sqrt(2))
+        ),
+        -k / 2,
+        k / 2,
+        epsabs=1e-14,
+    )
+    assert 1.0 - inside == pytest.approx(KNOWN[f"four-branch k={k}"].p, rel=1e-7)
+
+
+def test_rp25_by_quadrature():
+    """For each x, y lies between (x^2 + 16) / 8 and 16 x - 32."""
+
+    def density(x: float) -> float:
+        low, high = (x * x + 16) / 8, 16 * x - 32
+        between = 0.5 * (math.erfc(low / math.sqrt(2)) - math.erfc(high / math.sqrt(2)))
+        return max(between, 0.0) * math.exp(-0.5 * x * x) / math.sqrt(2 * math.pi)
+
+    p, _ = quad(density, 2.0, 12.0, epsabs=1e-15, limit=400)
+    assert p == pytest.approx(KNOWN["RP25"].p, rel=1e-6)
