@@ -5,6 +5,7 @@ README.md in this folder has the notation, the equations and the conditions behi
 
 from ce.auto import Auto, AutoOptions
 from ce.beta import Beta
+from ce.comparison import Comparison, compare
 from ce.cross_entropy import CrossEntropy, CrossEntropyOptions
 from ce.errors import (
     BudgetError,
@@ -49,6 +50,7 @@ __all__ = [
     "Beta",
     "BudgetError",
     "CeError",
+    "Comparison",
     "Condition",
     "CrossEntropy",
     "CrossEntropyOptions",
@@ -84,6 +86,7 @@ __all__ = [
     "Uniform",
     "Weibull",
     "algorithm",
+    "compare",
     "draw",
     "estimate",
     "general_options",

@@ -6,7 +6,7 @@
               -> naive where the proposal found promises less than naive Monte Carlo with the rollouts left
     trial     the first TRIAL of the fresh sample
               -> splitting (naive where the event is common enough for that) where that promises more than the
-                 proposal does by its effective events, which count for a tenth where its weights are warned of
+                 proposal does by its effective events, which count for less (DOUBT) where its weights are warned of
     estimate  the rest
 
 What an abandoned stage has cost is counted as training, and nothing of it enters the estimate, whose interval and
@@ -33,7 +33,7 @@ from ce.streams import checked_seed
 
 COMMON = 0.1  # share of events in the pilot from which naive Monte Carlo is taken
 LEAST_SEARCH = 1000  # rollouts below which nothing but naive Monte Carlo is tried
-DOUBT = 0.1  # what effective events are counted for where a warning says not to rely on them
+DOUBT = 0.3  # what effective events are counted for where a warning says not to rely on them
 COST = 36.0  # rollouts a level and effective event of splitting, measured (README)
 TRIAL = 0.2  # of the fresh sample
 ENOUGH_NAIVE = 400.0  # events expected of naive Monte Carlo from which it is preferred to splitting
@@ -42,7 +42,7 @@ OFFSETS = {
     "naive": 1000,
     "splitting": 2000,
 }  # added to a stage's iterations: keys stay distinct
-_SHAKY = frozenset({"no-events", "few-events", "dominant-weight", "heavy-tailed-weights"})
+_SHAKY = frozenset({"no-events", "dominant-weight", "heavy-tailed-weights"})
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,11 @@ class Auto:
             worth = est.ess / within.f.size * left * (DOUBT if shaky else 1.0)
             if worth < max(est.p * left, _splitting_worth(est.p, left)):
                 return self._rare(
-                    state, est, est.p, left, f"the trial of the proposal found {', '.join(shaky)}"
+                    state,
+                    est,
+                    est.p,
+                    left,
+                    f"the trial of the proposal was poor ({', '.join(shaky) or 'few-events'})",
                 )
             return msgspec.structs.replace(state, tried=True)
         return state

@@ -105,6 +105,7 @@ class Naive:
             proposal=self.base,
             finished=state.done,
             rel_error=self.options.rel_error,
+            seed=state.seed,
             failed_rollouts=tuple(
                 FailedRollout("estimate", 0, int(i)) for i in np.flatnonzero(np.isnan(state.f))
             ),

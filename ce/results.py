@@ -2,7 +2,7 @@
 
 import functools
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -96,6 +96,7 @@ class Estimate:
     failed_rollouts: tuple[FailedRollout, ...] = field(default=(), repr=False)
     search_warnings: tuple[Condition, ...] = ()
     base_f: Array = field(default_factory=lambda: np.zeros(0), repr=False)
+    seed: int | None = None  # of naive Monte Carlo, whose draws it decides
 
     def __str__(self) -> str:
         low, high = self.ci
@@ -219,6 +220,11 @@ class Estimate:
         )
         ess = np.where(squares > 0, sums**2 / np.where(squares > 0, squares, 1.0), 0.0)
         return Curve(gammas, p, std_error, low, high, counts, ess, k)
+
+    def simultaneous_curve(self, gammas: ArrayLike) -> Curve:
+        """As `curve`, with intervals that hold at all m thresholds together (Bonferroni)."""
+        m = max(np.size(gammas), 1)
+        return replace(self, confidence=1.0 - (1.0 - self.confidence) / m).curve(gammas)
 
     def trace(self, points: int = 100) -> Trace:
         """The estimate at gamma after about `points` log-spaced numbers of estimation rollouts, and after
