@@ -6,8 +6,10 @@ error and all others get their value.
 """
 
 import multiprocessing
+import multiprocessing.connection
 import os
 import signal
+import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -54,8 +56,17 @@ def run_chunk(simulator: Simulator, work: Work) -> Chunk:
     )
 
 
+def _end_with_parent() -> None:
+    """Wait for the parent process to end, however it ends, and end too: nobody would read what is run here."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        multiprocessing.connection.wait([parent.sentinel])
+    os._exit(1)
+
+
 def _open_worker(job: Job) -> None:
     global _simulator
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     _simulator = Problem(job).simulator()

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import select
 import signal
+import subprocess
+import sys
 from concurrent.futures import ProcessPoolExecutor
 
 import msgspec
@@ -157,3 +160,33 @@ def test_outcome_codes_are_pinned_because_they_are_stored():
         "error": 255,
     }
     assert all(OUTCOME_CODES[OUTCOME_NAMES[code]] == code for code in OUTCOME_NAMES)
+
+
+PARENT = """
+import sys
+import msgspec
+from service.job import Job
+from service.pool import LocalPool
+
+if __name__ == "__main__":
+    with LocalPool(msgspec.json.decode(sys.argv[1], type=Job), 2) as pool:
+        pool.warm_up()
+        print(*pool.pids(), flush=True)
+        sys.stdin.read()
+"""
+
+
+def test_workers_end_when_their_parent_is_killed(job, tmp_path):
+    script = tmp_path / "parent.py"
+    script.write_text(PARENT, encoding="utf-8")
+    command = [sys.executable, str(script), msgspec.json.encode(job).decode()]
+    parent = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert parent.stdout is not None
+    workers = [os.pidfd_open(int(pid)) for pid in parent.stdout.readline().split()]
+    assert workers
+    parent.kill()
+    parent.wait()
+    for worker in workers:
+        ended, _, _ = select.select([worker], [], [], 30.0)
+        os.close(worker)
+        assert ended, "a worker outlives its parent"
