@@ -116,6 +116,13 @@ def read(path: Path) -> dict[tuple[str, str, int], list[dict[str, Any]]]:
     return done
 
 
+def _append(path: Path, line: str) -> None:
+    """A line of its own, also where the last one was cut short."""
+    cut = path.exists() and path.read_bytes()[-1:] not in (b"", b"\n")
+    with path.open("a") as out:
+        out.write(("\n" if cut else "") + line + "\n")
+
+
 def main(arguments: list[str] | None = None, show: Callable[[str], None] = print) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=200)
@@ -137,8 +144,7 @@ def main(arguments: list[str] | None = None, show: Callable[[str], None] = print
                 for seed in sorted(set(range(given.seeds)) - had):
                     record = {"problem": problem.name, "method": method, "budget": budget, "seed": seed}
                     record |= run(problem, method, budget, seed)
-                    with given.results.open("a") as out:
-                        out.write(json.dumps(record) + "\n")
+                    _append(given.results, json.dumps(record))
                 runs = read(given.results)[problem.name, method, budget]
                 show(f"{problem.name:32} {method:10} {budget:7} | {rows(problem, runs)}")
                 given.table.write_text(table(read(given.results)))
