@@ -24,6 +24,7 @@ from ce.product import Product
 from ce.protocol import Algorithm
 from ce.replicated import ReplicatedEstimate
 from ce.results import Condition, Curve, Estimate, FailedRollout, Trace, variance_ratio
+from ce.robust import Sensitivity, reweighted, sensitivity, worst_case
 from ce.run import METHODS, OPTIONS, algorithm, estimate, general_options
 from ce.splitting import Splitting, SplittingOptions
 from ce.state import (
@@ -75,6 +76,7 @@ __all__ = [
     "Product",
     "ReplicatedEstimate",
     "ResponseError",
+    "Sensitivity",
     "Splitting",
     "SplittingOptions",
     "SplittingState",
@@ -90,6 +92,9 @@ __all__ = [
     "draw",
     "estimate",
     "general_options",
+    "reweighted",
+    "sensitivity",
     "to_bytes",
     "variance_ratio",
+    "worst_case",
 ]
