@@ -17,7 +17,7 @@ from service.cli.main import INTERRUPTED
 from service.cli.options import core_count, ego_option, finite, json_option, seed_option, workers_option
 from service.cli.progress import progress_bar, stderr
 from service.errors import InputError
-from service.job import Job, Problem, make_job
+from service.job import Job, make_job
 from service.scenario import load_scenario
 from service.scenario.check import check_road
 from service.store import Chunk, RunDirectory
@@ -155,16 +155,16 @@ def _run(store: RunDirectory, workers: int, with_report: bool, as_json: bool) ->
 
 def _run_one(store: RunDirectory, job: Job, workers: int, cost: Cost) -> ce.Estimate:
     began = time.perf_counter()
-    if not stderr.is_terminal:
-        rollouts = Problem(job).algorithm.total_rollouts
-        click.echo(
-            f"{job.method}: at most {rollouts:,} rollouts on {workers} workers, run {store.path}", err=True
-        )
     with progress_bar() as bar:
         task = bar.add_task(f"{job.method}: starting {workers} workers", total=None, note="")
 
         def on_job(job: Job, total: int) -> None:
             bar.update(task, total=total, description=job.method)
+            if not stderr.is_terminal:
+                click.echo(
+                    f"{job.method}: at most {total:,} rollouts on {workers} workers, run {store.path}",
+                    err=True,
+                )
 
         def on_chunk(chunk: Chunk, replayed: bool) -> None:
             cost.add(chunk.worker_s, float(chunk.steps.sum()) * job.scenario.time.step_s)
