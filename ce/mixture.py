@@ -39,6 +39,8 @@ from ce.subspace import LARGEST_FREE
 from ce.weights import effective_sample_size, max_share, normalised, order_statistic
 
 LEAST_BUDGET = 1000
+SAFE_SIZE = 1000  # rollouts in an iteration below which modes were seen to be missed (README, "Measured")
+LEAST_ELITES = 100
 PATIENCE = 3  # iterations without a lower quantile after which the search ends
 _FIT_KIND = 0x66697400
 Array = NDArray[np.float64]
@@ -49,7 +51,8 @@ class MixtureOptions:
     """Options of mixture sampling.
 
     budget: rollouts at most, training included; rho: quantile level; samples_per_iteration: of the search (None: a
-    twentieth of the budget, a twelfth in more than LARGEST_FREE dimensions, from 200 to 10,000); search_share: of
+    twentieth of the budget, a twelfth in more than LARGEST_FREE dimensions, at most 10,000, and at least SAFE_SIZE
+    where a tenth of the budget allows it); search_share: of
     the budget that the search may use; refinements: batches fitted after the threshold is reached; base_share: of
     the base in every proposal, which bounds every weight by 1 / base_share; ladder_share: of the fit before the
     last; components: at most, in a fit; rel_error: relative half-width to stop at (None: spend the budget);
@@ -94,7 +97,8 @@ class MixtureOptions:
     def iteration_size(self, dim: int) -> int:
         """Rollouts in an iteration of the search."""
         part = 20 if dim <= LARGEST_FREE else 12
-        return self.samples_per_iteration or min(max(self.budget // part, 200), 10_000)
+        least = min(SAFE_SIZE, max(self.budget // 10, 200))
+        return self.samples_per_iteration or min(max(self.budget // part, least), 10_000)
 
     def most_iterations(self, dim: int) -> int:
         return max(int(self.search_share * self.budget) // self.iteration_size(dim), 1)
@@ -339,6 +343,16 @@ class MixtureSampling:
                     f"{state.least_quantile:.4g}, above gamma = {self.gamma:g}: the proposal makes the event rarer "
                     "than rho",
                     "a larger budget, or method splitting",
+                )
+            )
+        elites = math.ceil(self.options.rho * self._iteration_size)
+        if elites < LEAST_ELITES:
+            found.append(
+                Condition(
+                    "small-search",
+                    f"the search fits {elites} elites an iteration (fewer than {LEAST_ELITES}): a part of the event "
+                    "may have been missed without a sign",
+                    "a larger budget or samples_per_iteration, or compare with method splitting",
                 )
             )
         starved = [r.iteration for r in state.records if not r.quantile < math.inf]

@@ -19,7 +19,7 @@ def test_common_events_are_left_to_naive_monte_carlo():
     p = 0.5 * math.erfc(1.0 / math.sqrt(2))
     assert est.method == "naive"
     assert est.rollouts == 10_000
-    assert est.training_rollouts == 500
+    assert est.training_rollouts == 1000
     assert est.p == pytest.approx(p, abs=4 * est.std_error)
 
 

@@ -10,7 +10,7 @@ from ce.mixture_fit import fit
 from ce.standard import from_standard, to_standard
 from ce.subspace import find
 from tests.reference import traffic
-from tests.reference.problems import BETAS, CORRELATED, LINEAR_2
+from tests.reference.problems import ALL, BETAS, CORRELATED, LINEAR_2
 
 
 def mixture(d=6, r=2, k=3, seed=0):
@@ -145,3 +145,16 @@ def test_events_with_an_infinite_rest_are_found():
     est = ce.estimate(f, BETAS.base, BETAS.gamma, "mixture", budget=20_000, seed=1)
     assert est.p == pytest.approx(p, abs=4 * est.std_error)
     assert est.efficiency > 100
+
+
+def test_small_searches_say_so():
+    est = ce.estimate(LINEAR_2.f, LINEAR_2.base, 0.0, "mixture", budget=3000)
+    assert "small-search" in [w.name for w in est.warnings]
+
+
+def test_all_four_branches_are_found():
+    problem = next(p for p in ALL if p.name == "four-branch k=7")
+    for seed in range(4):
+        est = ce.estimate(problem.f, problem.base, 0.0, "mixture", budget=10_000, seed=seed)
+        assert est.p == pytest.approx(problem.p, abs=4 * est.std_error)
+        assert est.std_error < 0.03 * est.p
