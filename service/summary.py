@@ -100,7 +100,7 @@ def comparisons(jobs: Sequence[Job], estimates: dict[str, ce.Estimate]) -> list[
     naive = estimates.get("naive")
     if naive is None:
         return []
-    return [comparison_of(naive, estimates[job.id]) for job in jobs if job.id != "naive"]
+    return [comparison_of(naive, estimates[job.id]) | {"method": job.id} for job in jobs if job.id != "naive"]
 
 
 def _number(value: float) -> float | None:

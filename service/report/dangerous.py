@@ -81,7 +81,7 @@ def ranked(job_record: JobRecord, count: int) -> list[Ranked]:
     found = []
     for rank, i in enumerate(np.lexsort((rows, key))[:count].tolist(), start=1):
         row = int(rows[i])
-        x, noise = job_record.redraw("estimate", 0, row)
+        x, noise = job_record.redraw("estimate", job_record.estimate_iteration, row)
         found.append(
             Ranked(
                 job_record,

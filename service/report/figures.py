@@ -302,7 +302,9 @@ def marginals(record: JobRecord, proposal: ce.Product, parameter: int) -> Pictur
     vehicles = record.job.scenario.vehicles
     name, unit = PARAMETER_NAMES[PER_VEHICLE[parameter]]
     columns = [len(PER_VEHICLE) * i + parameter for i in range(len(vehicles))]
-    grids = [np.linspace(*base.marginal_range(at), GRID) for at in columns]
+    # cell centres: at the very ends a density may be infinite
+    cells = (np.arange(GRID) + 0.5) / GRID
+    grids = [low + (high - low) * cells for low, high in map(base.marginal_range, columns)]
     before = [base.marginal_pdf(at, grid) for at, grid in zip(columns, grids, strict=True)]
     after = [proposal.marginal_pdf(at, grid) for at, grid in zip(columns, grids, strict=True)]
     scale = 0.9 / max(float(np.max(densities)) for densities in before + after)

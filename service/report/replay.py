@@ -37,10 +37,11 @@ class JobRecord:
     """What the record says of a job.
 
     estimate: from the batches that are complete. recorded: rollouts on record, those of an incomplete batch included.
-    parameters: of the proposal of each batch. event_rows, event_log_likelihood: the estimation rollouts with
-    f <= gamma, and log p0(x) of each, nats. explicit: x and noise seed of the events and failures of batches that
-    cannot be drawn from parameters alone, by (phase, iteration, row). outcomes: how the recorded rollouts of each
-    phase ended.
+    parameters: of the proposal of each batch. estimate_iteration: of the batches that the estimate is made of (a
+    method that switches leaves others behind). event_rows, event_log_likelihood: the estimation rollouts with
+    f <= gamma, and log p0(x) of each, nats; none for methods that move chains instead of drawing a fresh sample.
+    explicit: x and noise seed of the events and failures of batches that cannot be drawn from parameters alone, by
+    (phase, iteration, row). outcomes: how the recorded rollouts of each phase ended.
     """
 
     job: Job
@@ -49,6 +50,7 @@ class JobRecord:
     training: tuple[ce.TrainingRecord, ...]
     estimation: tuple[ce.EstimationRecord, ...]
     parameters: dict[BatchKey, np.ndarray]
+    estimate_iteration: int
     event_rows: np.ndarray
     event_log_likelihood: np.ndarray
     explicit: dict[tuple[str, int, int], tuple[np.ndarray, int]]
@@ -74,9 +76,10 @@ class JobRecord:
     @cached_property
     def proposal(self) -> ce.Product | None:
         """What the estimation rollouts are drawn from, where that is not the base and is known."""
-        if not self.training or ("estimate", 0) not in self.parameters:
+        key = ("estimate", self.estimate_iteration)
+        if not self.training or key not in self.parameters:
             return None
-        return self.problem.base.with_parameters(self.parameters["estimate", 0])
+        return self.problem.base.with_parameters(self.parameters[key])
 
     def failures(self, limit: int) -> list[Failure]:
         """The first failed rollouts, with the noise seeds that bring them back."""
@@ -94,8 +97,8 @@ def replay(store: RunDirectory, job: Job) -> JobRecord:
     state: Any = algorithm.init(problem.stream_seed)
     records: list[ce.TrainingRecord | ce.EstimationRecord] = []
     parameters: dict[BatchKey, np.ndarray] = {}
-    rows: list[np.ndarray] = []
-    likelihood: list[np.ndarray] = []
+    rows: dict[int, list[np.ndarray]] = {}
+    likelihood: dict[int, list[np.ndarray]] = {}
     explicit: dict[tuple[str, int, int], tuple[np.ndarray, int]] = {}
 
     def run_batch(batch: ce.Batch) -> np.ndarray:
@@ -110,8 +113,8 @@ def replay(store: RunDirectory, job: Job) -> JobRecord:
                 )
         if batch.phase == "estimate":
             events = np.flatnonzero(f <= job.gamma)
-            rows.append(batch.start + events)
-            likelihood.append(problem.base.log_density(batch.x[events]))
+            rows.setdefault(batch.iteration, []).append(batch.start + events)
+            likelihood.setdefault(batch.iteration, []).append(problem.base.log_density(batch.x[events]))
         return f
 
     def observe(after: Any, record: ce.TrainingRecord | ce.EstimationRecord) -> None:
@@ -124,6 +127,7 @@ def replay(store: RunDirectory, job: Job) -> JobRecord:
     except _EndOfRecord:
         estimate = algorithm.estimate(state)
 
+    last = max(rows, default=0)
     outcomes: dict[str, Counter[str]] = {}
     errors: list[tuple[str, int, int, str]] = []
     count, worker_s, steps = 0, 0.0, 0
@@ -143,8 +147,9 @@ def replay(store: RunDirectory, job: Job) -> JobRecord:
         training=tuple(r for r in records if isinstance(r, ce.TrainingRecord)),
         estimation=tuple(r for r in records if isinstance(r, ce.EstimationRecord)),
         parameters=parameters,
-        event_rows=np.concatenate([np.zeros(0, np.int64), *rows]),
-        event_log_likelihood=np.concatenate([np.zeros(0), *likelihood]),
+        estimate_iteration=last,
+        event_rows=np.concatenate([np.zeros(0, np.int64), *rows.get(last, [])]),
+        event_log_likelihood=np.concatenate([np.zeros(0), *likelihood.get(last, [])]),
         explicit=explicit,
         outcomes=outcomes,
         errors=tuple(errors),

@@ -12,6 +12,8 @@ METHOD_NAMES = {
     "naive": "naive Monte Carlo",
     "ce": "cross-entropy method",
     "mixture": "mixture importance sampling",
+    "splitting": "multilevel splitting",
+    "auto": "automatic choice",
 }
 BY_METHOD = METHOD_NAMES | {"ce": "the cross-entropy method"}
 ROAD_NAMES = {"i80": "I-80 at Emeryville"}
