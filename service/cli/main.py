@@ -14,6 +14,7 @@ COMMANDS = {
     "scenario": "service.cli.scenario",
     "nets": "service.cli.nets",
     "train": "service.cli.train",
+    "data": "service.cli.data",
     "bench": "service.cli.bench",
 }
 INTERRUPTED = 130

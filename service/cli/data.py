@@ -1,0 +1,96 @@
+"""`tailroad data import|schema|fit-starts`"""
+
+import json
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from service.cli.progress import stderr
+from service.errors import InputError
+
+
+@click.group()
+def command() -> None:
+    """Recorded traffic: import it, and fit scenarios to it."""
+
+
+@command.command("import")
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(file_okay=False, path_type=Path),
+              help="Folder for one Parquet file and one JSON report a recording file.")  # fmt: skip
+@click.option("--units", type=click.Choice(["auto", "feet", "metres"]), default="auto", show_default=True,
+              help="Of text and CSV files; auto: told by the cars' lengths.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print the reports as JSON.")
+def import_(files: tuple[Path, ...], out: Path, units: str, as_json: bool) -> None:
+    """Import recordings (NGSIM text, portal CSV, Parquet) into one schema, in metres and seconds.
+
+    Rows that cannot be physical are flagged, never dropped; `tailroad data schema` explains columns and flags.
+    """
+    from policies.data.ngsim_import import import_file
+    from policies.data.scenes import DataError
+
+    names = [path.stem for path in files]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(
+            f"two files are named {', '.join(twice)}; their tables would be too: import them apart"
+        )
+    reports = []
+    for path in files:
+        try:
+            with stderr.status(f"reading {path.name}") if stderr.is_terminal else nullcontext():
+                report = import_file(path, out, units)
+        except DataError as error:
+            raise InputError(str(error)) from error
+        except OSError as error:
+            raise InputError(f"{out}: cannot be written ({error})") from error
+        reports.append(report)
+        if not as_json:
+            _print(report, out / f"{path.stem}.parquet")
+    if as_json:
+        click.echo(json.dumps(reports, indent=2))
+
+
+@command.command()
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def schema(as_json: bool) -> None:
+    """The columns, flags and layouts of imported recordings."""
+    from policies.data import ngsim_schema
+
+    if as_json:
+        described = {
+            "columns": {name: str(kind) for name, kind in ngsim_schema.SCHEMA.items()},
+            "flags": {name: {"bit": bit, "meaning": m} for name, (bit, m) in ngsim_schema.FLAGS.items()},
+            "layouts": ngsim_schema.LAYOUTS,
+        }
+        click.echo(json.dumps(described, indent=2))
+        return
+    click.echo((ngsim_schema.__doc__ or "").strip())
+    click.echo("\nFlags:")
+    for name, (bit, meaning) in ngsim_schema.FLAGS.items():
+        click.echo(f"  {bit:5d}  {name:16s} {meaning}")
+    click.echo("\nLayouts:")
+    for name, meaning in ngsim_schema.LAYOUTS.items():
+        click.echo(f"  {name:12s} {meaning}")
+
+
+def _print(report: dict[str, Any], path: Path) -> None:
+    table = Table(
+        title=f"{report['file']}: {report['source']}, in {report['units_found']}", show_header=False
+    )
+    table.add_row("rows", f"{report['rows']:,} ({report['rows_without_flag']:,} without a flag)")
+    table.add_row("vehicles, frames", f"{report['vehicles']:,}, {report['frames']:,}")
+    table.add_row("recordings, time", f"{len(report['recordings'])}, {report['span_s']:,.1f} s")
+    table.add_row("rows by lane", ", ".join(f"{lane}: {n:,}" for lane, n in report["rows_by_lane"].items()))
+    speeds = {k: v for k, v in report["speed_percentiles_mps"].items() if v is not None}
+    table.add_row("speed percentiles, m/s", ", ".join(f"{k}%: {v:.1f}" for k, v in speeds.items()))
+    for name, n in report["flagged_rows"].items():
+        if n:
+            table.add_row(f"flagged {name}", f"{n:,}")
+    table.add_row("not in this source", ", ".join(report["columns_without_values"]) or "nothing")
+    table.add_row("written", str(path))
+    Console().print(table)
