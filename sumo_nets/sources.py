@@ -29,7 +29,7 @@ LENGTH_M = 2051.0  # the corridor of whole metres read from the built net has 20
 SMOOTHING_M = 150.0  # undulations of the drawn lines shorter than this are taken out
 # SUMO's moveToXY looks at every vertex of every lane of the edges nearby, so a world that places vehicles each step
 # is as fast as edges are short and vertices few (deploy/decisions/0001-i80-geometry.md has the measurement).
-EDGE_M = 105.0  # the mainline's edges are no longer than this
+EDGE_M = 42.0  # the mainline's edges are no longer than this
 CHORD_M = (
     21.0  # vertex spacing: ripples of this length are taken out when the lanes are read (chain.SMOOTHING_M)
 )

@@ -70,6 +70,8 @@ class Comparison:
                 edge, index = self._corridor.sumo_position(int(agent[A.LANE]), at)
                 lanes.append((edge, index))
             found = (libsumo.vehicle.getRoadID(name), libsumo.vehicle.getLaneIndex(name))
+            if found[0].startswith(":"):  # on the 0.1 m between two edges the lane's index has to do
+                found = (lanes[1][0], found[1])
             if (
                 found not in lanes
                 and abs(agent[A.LEFT_MARKING_M]) > 0.05
