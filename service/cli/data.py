@@ -78,6 +78,60 @@ def schema(as_json: bool) -> None:
         click.echo(f"  {name:12s} {meaning}")
 
 
+@command.command("fit-starts")
+@click.option("--data", required=True, type=click.Path(file_okay=False, path_type=Path),
+              help="Folder of the data pack.")  # fmt: skip
+@click.option("--out", required=True, type=click.Path(file_okay=False, path_type=Path),
+              help="Folder for the pictures and i80-data.json.")  # fmt: skip
+@click.option(
+    "--resamples", type=click.IntRange(20), default=400, show_default=True, help="Of the bootstrap."
+)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
+@click.option("--json", "as_json", is_flag=True, help="Print the fits as JSON.")
+def fit_starts(data: Path, out: Path, resamples: int, seed: int, as_json: bool) -> None:
+    """Fit the starts of scenario i80-data to the NGSIM I-80 recordings; prints the scenario's TOML."""
+    from policies.data import start_fit, start_fit_report
+    from policies.data.scenes import DataError
+
+    try:
+        found = start_fit.samples(data)
+        fits = {
+            name: start_fit.fit_beta(found[name], bounds, resamples, seed)
+            for name, bounds in start_fit.BOUNDS.items()
+        }
+        ignored = start_fit.dependence(data)
+    except DataError as error:
+        raise InputError(str(error)) from error
+    report = {
+        "command": f"tailroad data fit-starts --data DIR --out DIR --resamples {resamples} --seed {seed}",
+        "training_vehicles_below": start_fit.TRAIN_BELOW,
+        "fits": {name: start_fit_report.as_dict(fit) for name, fit in fits.items()},
+        "rank_correlations_ignored": ignored,
+    }
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for name, fit in fits.items():
+            picture = f"i80-data-{name.replace('_', '-')}.png"
+            start_fit_report.draw(name, fit, out / picture)
+        (out / "i80-data.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error})") from error
+    if as_json:
+        click.echo(json.dumps(report, indent=2))
+        return
+    click.echo(start_fit_report.toml(fits))
+    table = Table("marginal", "rows", "vehicles", "outside", "KS distance", "alpha (95%)", "beta (95%)")
+    for name, fit in fits.items():
+        alpha, beta = (
+            f"{value:.2f} ({low:.2f} to {high:.2f})"
+            for value, (low, high) in ((fit.alpha, fit.alpha_interval), (fit.beta, fit.beta_interval))
+        )
+        outside = f"{100.0 * fit.outside:.1f}%"
+        table.add_row(name, f"{len(fit.x):,}", str(fit.vehicles), outside, f"{fit.ks:.3f}", alpha, beta)
+    stderr.print(table)
+    stderr.print(f"pictures and i80-data.json: {out}")
+
+
 def _print(report: dict[str, Any], path: Path) -> None:
     table = Table(
         title=f"{report['file']}: {report['source']}, in {report['units_found']}", show_header=False
