@@ -23,6 +23,7 @@ from policies.data.ngsim_schema import DT_S, FLAGS, METRES_PER_FOOT, SCHEMA, For
 from policies.data.ngsim_text import COLUMNS, INTEGERS, is_csv, read_csv, read_text
 
 SAME_RECORDING_S = 60.0
+MOST_RECORDINGS = 200  # of a location; a file with more has no clock to go by, and stays one recording
 NO_HEADWAY = 9999.0  # NGSIM writes 9999.99 (and 0) for "none"
 FEET_FROM = 8.0  # cars' median length: 14.5 in feet, 4.4 in metres
 PERCENTILES = (1, 5, 25, 50, 75, 95, 99)
@@ -99,7 +100,8 @@ def _split(staged: pl.LazyFrame, source: str, units: str) -> Iterator[pl.DataFra
         if group["start_s"].null_count():
             yield _metres(staged.filter(here & pl.col("start_s").is_null()), source, units, str(location))
         known = group["start_s"].drop_nulls().to_numpy()
-        for part in np.split(known, np.flatnonzero(np.diff(known) > SAME_RECORDING_S) + 1):
+        breaks = np.flatnonzero(np.diff(known) > SAME_RECORDING_S) + 1
+        for part in np.split(known, breaks if len(breaks) < MOST_RECORDINGS else []):
             if len(part):
                 rows = staged.filter(here & pl.col("start_s").is_between(part[0], part[-1]))
                 yield _metres(rows, source, units, f"{location} {_clock(float(np.median(part)))}")

@@ -123,6 +123,13 @@ def test_the_portal_s_export_with_thousands_separators_and_several_locations(tmp
     assert table["flags"].sum() == 0
 
 
+def test_a_file_without_a_usable_clock_stays_one_recording(tmp_path):
+    rows = [line(v).replace(str(T0_MS + 61300), str(T0_MS + 90_000 * v)) for v in range(300)]
+    table, report = imported(tmp_path, "\n".join(rows))
+    assert len(report["recordings"]) == 1
+    assert "clock" in names_of(table["flags"][0])
+
+
 def test_units_are_told_by_the_cars_lengths_or_by_the_user(tmp_path):
     text = line(length=4.5, width=1.8, y=100.0)
     table, report = imported(tmp_path, text)
@@ -328,3 +335,86 @@ def test_any_finite_numbers_are_imported_or_refused(tmp_path, values):
     else:
         return
     assert "sensible size" in refused
+
+
+# layout -> (a small file, what its first row must become)
+PACK = {
+    "perl": (
+        {"chain": ["a"] * 2, "t_s": [5.0, 5.0], "order": [2, 1], "vehicle_id": [7, -1], "y_m": [20.0, 50.0],
+         "v_mps": [8.0, 9.0], "a_mps2": [0.5, 0.0]},
+        {"vehicle_id": -1, "frame": 0, "x_front_m": 50.0, "x_m": None, "preceding_id": None, "speed_mps": 9.0},
+    ),
+    "durraniu": (
+        {"vehicle_id": ["47"], "frame_id": [510.0], "local_x": [2.4], "local_y": [22.0], "v_length": [4.0],
+         "v_width": [1.8], "v_class": ["2"], "v_vel": [4.0], "v_acc": [1.1], "lane_id": ["1"], "preceding": ["39"],
+         "space_headway": [15.0], "time_headway": [2.6], "preceding_local_y": [37.0], "preceding_length": [5.0]},
+        {"vehicle_id": 47, "x_front_m": 22.0, "x_m": 20.0, "y_m": -2.4, "lane": 1, "preceding_id": 39, "gap_m": 10.0,
+         "time_headway_s": 2.6, "vehicle_class": "car"},
+    ),
+    "jiang": (
+        {"pair": [1], "k": [0], "lead_pos_ft": [200.0], "lead_v_ftps": [20.0], "lead_a_ftps2": [1.0],
+         "foll_pos_ft": [100.0], "foll_v_ftps": [10.0], "foll_a_ftps2": [0.0]},
+        {"vehicle_id": 1, "x_front_m": 60.96, "x_m": None, "speed_mps": 6.096, "accel_mps2": 0.3048, "following_id": 2},
+    ),
+    "zhu": (
+        {"event": [3], "k": [4], "spacing_m": [12.0], "foll_v_mps": [8.0], "rel_v_mps": [1.0], "lead_v_mps": [9.0]},
+        {"vehicle_id": 1, "frame": 4, "x_front_m": None, "speed_mps": 9.0, "gap_m": None},
+    ),
+    "smarts": (
+        {"vehicle_id": [9], "sim_time": [7.9], "position_x": [10.0], "position_y": [21.0],
+         "heading_rad": [1.5 * 3.141592653589793 + 0.1], "speed": [3.0], "lane_id": [2], "type": [3], "length": [8.0],
+         "width": [2.0]},
+        {"frame": 79, "x_m": 10.0, "x_front_m": 14.0, "x_rear_m": 6.0, "heading_rad": 0.1, "vehicle_class": "truck"},
+    ),
+    "vineet": (
+        {"Vehicle_ID": [5], "Frame_ID": [10], "Global_Time": [1_000_000], "Local_X": [8.0], "Local_Y": [75.0],
+         "v_length": [4.0], "v_Class": [2], "v_Vel": [10.0], "v_Acc": [3.41376], "Lane_ID": [3], "Preceding": [4],
+         "Following": [0], "Space_Headway": [17.0], "Time_Headway": [1.7], "L-F_Pair": ["4-5"],
+         "preceding_vehicle_length": [4.5]},
+        {"recording": "i80-pair-4-5", "epoch_s": 1000.0, "x_m": 73.0, "gap_m": 12.5, "following_id": None, "flags": 64},
+    ),
+    "i80-scene": (
+        {"scene_id": ["s"], "vehicle_id": [1], "frame": [3], "x_m": [20.0], "y_m": [-4.0], "lane": [2],
+         "lane_offset_m": [None], "heading_est_rad": [0.01], "speed_est_mps": [6.0], "length_est_m": [6.1]},
+        {"x_front_m": 20.0, "length_m": 5.0, "x_m": 17.5, "lane_offset_m": None, "width_m": None},
+    ),
+    "us101-scene": (
+        {"scene_id": ["s"], "vehicle_id": [1], "frame": [3], "s_m": [20.0], "d_m": [4.0], "lane": [2],
+         "lane_offset_m": [0.2], "heading_rad": [-3.1], "lane_heading_rad": [3.1], "speed_mps": [6.0],
+         "accel_mps2": [0.0], "length_m": [4.0], "width_m": [1.8], "type": ["car"]},
+        {"x_m": 20.0, "x_front_m": 22.0, "y_m": 4.0, "heading_rad": 2 * 3.141592653589793 - 6.2, "lane_offset_m": 0.2},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("layout", PACK)
+def test_each_derived_file_is_known_by_its_columns_and_converted(tmp_path, layout):
+    given_columns, expected = PACK[layout]
+    table = pl.DataFrame(given_columns)
+    table.with_columns(pl.col(pl.Null).cast(pl.Float64)).write_parquet(tmp_path / "t.parquet")
+    report = import_file(tmp_path / "t.parquet", tmp_path / "out")
+    row = pl.read_parquet(tmp_path / "out" / "t.parquet").row(0, named=True)
+    assert report["source"] == row["source"] == layout
+    for name, value in expected.items():
+        assert row[name] == (pytest.approx(value) if isinstance(value, float) else value), name
+
+
+@FUZZ
+@given(data=st.data(), layout=st.sampled_from(sorted(PACK)))
+def test_any_values_in_a_derived_file_are_imported_or_refused(tmp_path, data, layout):
+    columns = dict(PACK[layout][0])
+    name = data.draw(st.sampled_from(sorted(columns)))
+    wrong = st.sampled_from(
+        [None, float("nan"), float("inf"), -1e300, 2.5, 2**62, "x", "", True, b"x", [1.0], -1]
+    )
+    columns[name] = [data.draw(wrong), *columns[name][1:]]
+    try:
+        table = pl.DataFrame(columns, strict=False)
+        table.write_parquet(tmp_path / "t.parquet")
+    except (pl.exceptions.PolarsError, TypeError, OverflowError):
+        return  # no such table
+    try:
+        import_file(tmp_path / "t.parquet", tmp_path / "out")
+    except FormatError:
+        return
+    assert pl.read_parquet(tmp_path / "out" / "t.parquet").height >= table.height
