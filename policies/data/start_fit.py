@@ -16,7 +16,7 @@ station_m      distance from a line across the road to the nearest vehicle in th
                each other do the nearest vehicles of the lanes start; lanes 2 to 6, and lane 1 (HOV) apart (scene)
 lane_offset_m  from the centre of the vehicle's own lane, lanes 1 to 6 (scene)
 heading_deg    relative to the lane (scene)
-speed_mps      lanes 2 to 6, and lane 1 (HOV) apart (Coifman and Li: all vehicles, 15 minutes)
+speed_mps      lanes 2 to 6, and lane 1 (HOV) apart (Coifman and Li: all vehicles, 880 s)
 """
 
 from dataclasses import dataclass
