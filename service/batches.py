@@ -39,12 +39,12 @@ class RecordedBatches:
         offset = batch.start
         f = np.full(batch.stop - offset, np.nan)
         done = np.zeros(f.size, dtype=bool)
-        for chunk in self._store.chunks(self._job.id, batch.phase, batch.iteration):
+        recorded = self._store.chunks(self._job.id, batch.phase, batch.iteration, batch.start, batch.stop)
+        for chunk in recorded:
             first, last = max(chunk.start, batch.start), min(chunk.stop, batch.stop)
-            if first < last:
-                f[first - offset : last - offset] = chunk.f[first - chunk.start : last - chunk.start]
-                done[first - offset : last - offset] = True
-                self._on_chunk(chunk, True)
+            f[first - offset : last - offset] = chunk.f[first - chunk.start : last - chunk.start]
+            done[first - offset : last - offset] = True
+            self._on_chunk(chunk, True)
         work = [Work(offset + i, batch.x[i:j], batch.noise[i:j]) for i, j in _gaps(done, self._chunk)]
         if work:
             for chunk in self._pool().run(work):

@@ -1,4 +1,4 @@
-"""Runs the jobs of a run directory, one after the other, on local workers, and shows how far they are."""
+"""Runs a job of a run directory on local workers, and tells how far it is."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -42,11 +42,6 @@ class LazyPool:
     ) -> None:
         if self._pool is not None:
             self._pool.__exit__(kind, error, trace)
-
-
-def run_jobs(store: RunDirectory, workers: int, watcher: Watcher) -> dict[str, ce.Estimate]:
-    """Run every job of the run to its end, from wherever it stands; the estimates by job id."""
-    return {job.id: run_job(store, job, workers, watcher) for job in store.jobs}
 
 
 def run_job(store: RunDirectory, job: Job, workers: int, watcher: Watcher) -> ce.Estimate:

@@ -68,7 +68,6 @@ def _open_worker(job: Job) -> None:
     global _simulator
     threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
     _simulator = Problem(job).simulator()
 
 
@@ -89,9 +88,9 @@ class LocalPool:
         self.workers = workers
         self._executor = self._start()
 
-    def _start(self, workers: int | None = None) -> ProcessPoolExecutor:
+    def _start(self) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(
-            workers or self.workers,
+            self.workers,
             mp_context=multiprocessing.get_context("spawn"),
             initializer=_open_worker,
             initargs=(self._job,),
@@ -123,7 +122,6 @@ class LocalPool:
         """Run the chunks; each is yielded when it is done, in any order."""
         waiting = list(reversed(chunks))
         running: dict[Future[Chunk], Work] = {}
-        suspects: list[Work] = []
         while waiting or running:
             while waiting and len(running) < 2 * self.workers:
                 try:
@@ -135,23 +133,20 @@ class LocalPool:
                 else:
                     waiting.pop()
             done, _ = wait(running, return_when=FIRST_COMPLETED)
-            broken = False
+            suspects: list[Work] = []
             for future in done:
                 work = running.pop(future)
                 try:
                     yield future.result()
                 except BrokenProcessPool:
                     suspects.append(work)
-                    broken = True
-            if (
-                broken
-            ):  # the other futures of a broken pool fail too; all of them are run again, one at a time
+            if suspects:
+                # the other futures of a broken pool fail too; all of them are run again, one at a time
                 suspects += running.values()
                 running.clear()
                 self._restart()
                 for work in suspects:
                     yield self._run_alone(work)
-                suspects.clear()
 
     def _restart(self) -> None:
         self._executor.shutdown(wait=False, cancel_futures=True)

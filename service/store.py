@@ -144,11 +144,14 @@ class RunDirectory:
                 f"what was recorded is kept, continue with --resume {self.path}"
             ) from error
 
-    def chunks(self, job_id: str, phase: str, iteration: int) -> list[Chunk]:
-        """The recorded chunks of a batch, by start."""
+    def chunks(
+        self, job_id: str, phase: str, iteration: int, start: int = 0, stop: int | None = None
+    ) -> list[Chunk]:
+        """The recorded chunks of a batch that hold any of rows [start, stop), by start; stop = None: to its end."""
         query = (
             sa.select(_chunks)
             .where(_chunks.c.job == job_id, _chunks.c.phase == phase, _chunks.c.iteration == iteration)
+            .where(_chunks.c.stop > start, sa.true() if stop is None else _chunks.c.start < stop)
             .order_by(_chunks.c.start)
         )
         return [chunk for _, _, chunk in self._read(query)]

@@ -86,7 +86,6 @@ def comparison_of(naive: ce.Estimate, other: ce.Estimate) -> dict[str, Any]:
     variance = other.std_error**2 if other.std_error > 0.0 else math.nan
     bernoulli = better.p * (1.0 - better.p)
     return {
-        "method": other.method,
         "ratio_of_rare_events": _number(other_rate / rate if rate else math.nan),
         "ratio_of_variances": _number(bernoulli / max(other.estimation_rollouts, 1) / variance),
         "efficiency": _number(bernoulli / max(other.rollouts, 1) / variance),
@@ -100,7 +99,7 @@ def comparisons(jobs: Sequence[Job], estimates: dict[str, ce.Estimate]) -> list[
     naive = estimates.get("naive")
     if naive is None:
         return []
-    return [comparison_of(naive, estimates[job.id]) | {"method": job.id} for job in jobs if job.id != "naive"]
+    return [{"method": job.id} | comparison_of(naive, estimates[job.id]) for job in jobs if job.id != "naive"]
 
 
 def _number(value: float) -> float | None:
