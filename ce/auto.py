@@ -20,15 +20,16 @@ from dataclasses import dataclass, replace
 import msgspec
 from numpy.typing import ArrayLike
 
-from ce.checks import at_least, checked_problem, in_range
+from ce.checks import at_least, in_range
 from ce.errors import BudgetError, StateError
 from ce.mixture import MixtureOptions, MixtureSampling
 from ce.naive import Naive, NaiveOptions
+from ce.posed import Posed
 from ce.product import Product
 from ce.protocol import Algorithm
 from ce.results import FEW_EVENTS, Condition, Estimate, FailedRollout
 from ce.splitting import Splitting, SplittingOptions
-from ce.state import AutoState, Batch, EstimationRecord, TrainingRecord, digest_of, from_bytes, to_bytes
+from ce.state import AutoState, Batch, EstimationRecord, TrainingRecord, to_bytes
 from ce.streams import checked_seed
 
 COMMON = 0.1  # share of events in the pilot from which naive Monte Carlo is taken
@@ -66,23 +67,13 @@ class AutoOptions:
 
 
 @dataclass(frozen=True)
-class Auto:
+class Auto(Posed):
     """The algorithm: pure functions of a frozen state."""
 
-    base: Product
-    gamma: float
     options: AutoOptions = AutoOptions()
 
-    def __post_init__(self) -> None:
-        base, gamma = checked_problem(self.base, self.gamma)
-        object.__setattr__(self, "base", base)
-        object.__setattr__(self, "gamma", gamma)
-
     method = "auto"
-
-    @functools.cached_property
-    def digest(self) -> str:
-        return digest_of(self.base, self.method, self.gamma, self.options)
+    state_kind = AutoState
 
     @property
     def total_rollouts(self) -> int:
@@ -145,13 +136,6 @@ class Auto:
         """As the present stage has it."""
         inner, within = self._open(state)
         return inner.proposal(within)
-
-    def to_bytes(self, state: AutoState) -> bytes:
-        return to_bytes(state)
-
-    def from_bytes(self, data: bytes) -> AutoState:
-        """The state that `to_bytes` wrote, for this base, gamma and options; StateError otherwise."""
-        return from_bytes(data, AutoState, self.digest)
 
     # -- stages ----------------------------------------------------------------------------------------------
 

@@ -23,9 +23,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ce.checks import at_least, checked_problem, checked_response, checked_turn, in_range
+from ce.checks import at_least, checked_response, checked_turn, in_range
 from ce.errors import BudgetError, OptionsError
 from ce.naive import record_of
+from ce.posed import Posed
 from ce.product import Product
 from ce.projection import Projection
 from ce.results import Condition, Estimate, FailedRollout
@@ -34,9 +35,6 @@ from ce.state import (
     CrossEntropyState,
     EstimationRecord,
     TrainingRecord,
-    digest_of,
-    from_bytes,
-    to_bytes,
 )
 from ce.stopping import next_look
 from ce.streams import checked_seed, draw
@@ -140,24 +138,17 @@ class CrossEntropyOptions:
 
 
 @dataclass(frozen=True)
-class CrossEntropy:
+class CrossEntropy(Posed):
     """The algorithm: pure functions of a frozen state."""
 
-    base: Product
-    gamma: float
     options: CrossEntropyOptions = CrossEntropyOptions()
 
     def __post_init__(self) -> None:
-        base, gamma = checked_problem(self.base, self.gamma)
-        object.__setattr__(self, "base", base)
-        object.__setattr__(self, "gamma", gamma)
+        super().__post_init__()
         object.__setattr__(self, "options", self.options.resolved())
 
     method = "ce"
-
-    @functools.cached_property
-    def digest(self) -> str:
-        return digest_of(self.base, "ce", self.gamma, self.options)
+    state_kind = CrossEntropyState
 
     @functools.cached_property
     def projection(self) -> Projection:
@@ -235,13 +226,6 @@ class CrossEntropy:
     def proposal(self, state: CrossEntropyState) -> Product:
         """The distribution being sampled now."""
         return self._with(state.parameters)
-
-    def to_bytes(self, state: CrossEntropyState) -> bytes:
-        return to_bytes(state)
-
-    def from_bytes(self, data: bytes) -> CrossEntropyState:
-        """The state that `to_bytes` wrote, for this base, gamma and options; StateError otherwise."""
-        return from_bytes(data, CrossEntropyState, self.digest)
 
     # -- steps -----------------------------------------------------------------------------------------------
 

@@ -15,7 +15,6 @@ elite. The estimate itself uses fresh samples only: proposals depend on the earl
 all of them would not be honest.
 """
 
-import functools
 import math
 from dataclasses import dataclass
 
@@ -24,15 +23,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ce import beta_update
-from ce.checks import at_least, checked_problem, checked_response, checked_turn, in_range
+from ce.checks import at_least, checked_response, checked_turn, in_range
 from ce.errors import BudgetError
 from ce.gaussian_mixture import Mixture, Part, draw_standard, log_ratio, only_base
 from ce.mixture_fit import fit
 from ce.naive import record_of
+from ce.posed import Posed
 from ce.product import Product
 from ce.results import Condition, Estimate, FailedRollout
 from ce.standard import from_standard
-from ce.state import Batch, EstimationRecord, MixtureState, TrainingRecord, digest_of, from_bytes, to_bytes
+from ce.state import Batch, EstimationRecord, MixtureState, TrainingRecord
 from ce.stopping import next_look
 from ce.streams import checked_seed, generator, noise_seeds
 from ce.subspace import LARGEST_FREE
@@ -105,23 +105,13 @@ class MixtureOptions:
 
 
 @dataclass(frozen=True)
-class MixtureSampling:
+class MixtureSampling(Posed):
     """The algorithm: pure functions of a frozen state."""
 
-    base: Product
-    gamma: float
     options: MixtureOptions = MixtureOptions()
 
-    def __post_init__(self) -> None:
-        base, gamma = checked_problem(self.base, self.gamma)
-        object.__setattr__(self, "base", base)
-        object.__setattr__(self, "gamma", gamma)
-
     method = "mixture"
-
-    @functools.cached_property
-    def digest(self) -> str:
-        return digest_of(self.base, self.method, self.gamma, self.options)
+    state_kind = MixtureState
 
     @property
     def total_rollouts(self) -> int:
@@ -197,13 +187,6 @@ class MixtureSampling:
     def proposal(self, state: MixtureState) -> Product:
         """The member of the base's family nearest to what is sampled: for reading, not what is sampled."""
         return self.base.with_parameters(state.parameters)
-
-    def to_bytes(self, state: MixtureState) -> bytes:
-        return to_bytes(state)
-
-    def from_bytes(self, data: bytes) -> MixtureState:
-        """The state that `to_bytes` wrote, for this base, gamma and options; StateError otherwise."""
-        return from_bytes(data, MixtureState, self.digest)
 
     @property
     def _iteration_size(self) -> int:

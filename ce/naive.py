@@ -3,18 +3,18 @@
 p = (1/n) sum 1{f(X_i) <= gamma}, X_i iid from P0 (paper, section 2).
 """
 
-import functools
 import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ce.checks import at_least, checked_problem, checked_response, checked_turn, in_range
+from ce.checks import at_least, checked_response, checked_turn, in_range
 from ce.errors import BudgetError
+from ce.posed import Posed
 from ce.product import Product
 from ce.results import Estimate, FailedRollout
-from ce.state import Batch, EstimationRecord, NaiveState, digest_of, from_bytes, to_bytes
+from ce.state import Batch, EstimationRecord, NaiveState
 from ce.stopping import next_look
 from ce.streams import checked_seed, draw
 
@@ -42,23 +42,13 @@ class NaiveOptions:
 
 
 @dataclass(frozen=True)
-class Naive:
+class Naive(Posed):
     """The algorithm: pure functions of a frozen state."""
 
-    base: Product
-    gamma: float
     options: NaiveOptions = NaiveOptions()
 
-    def __post_init__(self) -> None:
-        base, gamma = checked_problem(self.base, self.gamma)
-        object.__setattr__(self, "base", base)
-        object.__setattr__(self, "gamma", gamma)
-
     method = "naive"
-
-    @functools.cached_property
-    def digest(self) -> str:
-        return digest_of(self.base, "naive", self.gamma, self.options)
+    state_kind = NaiveState
 
     @property
     def total_rollouts(self) -> int:
@@ -114,13 +104,6 @@ class Naive:
     def proposal(self, state: NaiveState) -> Product:
         """The distribution being sampled: the base."""
         return self.base
-
-    def to_bytes(self, state: NaiveState) -> bytes:
-        return to_bytes(state)
-
-    def from_bytes(self, data: bytes) -> NaiveState:
-        """The state that `to_bytes` wrote, for this base, gamma and options; StateError otherwise."""
-        return from_bytes(data, NaiveState, self.digest)
 
 
 def record_of(est: Estimate) -> EstimationRecord:

@@ -14,7 +14,6 @@ f(u') <= b_{l+1}. A rollout's own noise is part of its state: a move keeps its s
 of a coin.
 """
 
-import functools
 import math
 from dataclasses import dataclass
 
@@ -22,14 +21,15 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ce.checks import at_least, checked_problem, checked_response, checked_turn, in_range
+from ce.checks import at_least, checked_response, checked_turn, in_range
 from ce.errors import BudgetError
 from ce.naive import record_of
+from ce.posed import Posed
 from ce.product import Product
 from ce.replicated import ReplicatedEstimate
 from ce.results import Condition, FailedRollout
 from ce.standard import from_standard
-from ce.state import Batch, EstimationRecord, SplittingState, TrainingRecord, digest_of, from_bytes, to_bytes
+from ce.state import Batch, EstimationRecord, SplittingState, TrainingRecord
 from ce.streams import checked_seed, generator
 from ce.weights import order_statistic
 
@@ -83,23 +83,13 @@ class SplittingOptions:
 
 
 @dataclass(frozen=True)
-class Splitting:
+class Splitting(Posed):
     """The algorithm: pure functions of a frozen state."""
 
-    base: Product
-    gamma: float
     options: SplittingOptions = SplittingOptions()
 
-    def __post_init__(self) -> None:
-        base, gamma = checked_problem(self.base, self.gamma)
-        object.__setattr__(self, "base", base)
-        object.__setattr__(self, "gamma", gamma)
-
     method = "splitting"
-
-    @functools.cached_property
-    def digest(self) -> str:
-        return digest_of(self.base, self.method, self.gamma, self.options)
+    state_kind = SplittingState
 
     @property
     def total_rollouts(self) -> int:
@@ -224,13 +214,6 @@ class Splitting:
     def proposal(self, state: SplittingState) -> Product:
         """The base: what the moves leave as it is."""
         return self.base
-
-    def to_bytes(self, state: SplittingState) -> bytes:
-        return to_bytes(state)
-
-    def from_bytes(self, data: bytes) -> SplittingState:
-        """The state that `to_bytes` wrote, for this base, gamma and options; StateError otherwise."""
-        return from_bytes(data, SplittingState, self.digest)
 
     # -- moves -----------------------------------------------------------------------------------------------
 
