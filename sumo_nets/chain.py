@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sumo_nets.curves import Curve, drop_repeats, even_curve, resample, smooth_curve
-from sumo_nets.errors import NetworkError
+from sumo_nets.errors import EdgesError, NetworkError
 
 STATION_STEP_M = 1.0
 SMOOTHING_M = 40.0  # undulations of a lane's polyline shorter than this are drawing, not road
@@ -33,14 +33,14 @@ class Chain:
 
     def __init__(self, net, path: Path, edges: tuple[str, ...]):
         if not edges:
-            raise NetworkError(f"{path}: a corridor needs at least one edge")
+            raise EdgesError(f"{path}: a corridor needs at least one edge")
         self.path, self.edges = path, edges
         self.parts = []
         for edge in edges:
             if not net.hasEdge(edge):
                 known = [e.getID() for e in net.getEdges(withInternal=False)]
                 shown = ", ".join(known[:8]) + (", ..." if len(known) > 8 else "")
-                raise NetworkError(f"{path}: no edge {edge!r}; the network has {len(known)} edges: {shown}")
+                raise EdgesError(f"{path}: no edge {edge!r}; the network has {len(known)} edges: {shown}")
             self.parts.append(net.getEdge(edge))
         # lanes from the left: position 0 is SUMO's highest index
         self.lanes = [list(reversed(part.getLanes())) for part in self.parts]
@@ -59,7 +59,7 @@ class Chain:
         if not found:
             a, b = self.edges[i], self.edges[i + 1]
             followers = ", ".join(e.getID() for e in self.parts[i].getOutgoing()) or "nothing"
-            raise NetworkError(f"{self.path}: edge {a!r} does not lead to {b!r}; it leads to {followers}")
+            raise EdgesError(f"{self.path}: edge {a!r} does not lead to {b!r}; it leads to {followers}")
         return found
 
     def _inside(self, net, via: str) -> np.ndarray:

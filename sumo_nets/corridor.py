@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from sumo_nets.chain import SMOOTHING_M, Chain, open_net
 from sumo_nets.curves import Curve, resample, whittaker
-from sumo_nets.errors import NetworkError
+from sumo_nets.errors import EdgesError, NetworkError
 
 __all__ = ["BUILT_IN", "Corridor", "NetworkError", "built_in_folder", "load_corridor", "read_corridor"]
 
@@ -127,7 +127,8 @@ def load_corridor(name_or_path: str | Path, edges: Sequence[str] | None = None) 
         description = json.loads((folder / "corridor.json").read_text(encoding="utf-8"))
         return read_corridor(folder / f"{name}.net.xml", tuple(edges or description["edges"]), name=name)
     if not edges:
-        raise NetworkError(
+        kind = EdgesError if Path(name_or_path).suffix in (".xml", ".gz") else NetworkError
+        raise kind(
             f"{name_or_path}: name the edges of the corridor in driving order, as in edges=['e1', 'e2'] "
             f"(built-in networks need none: {', '.join(BUILT_IN)})"
         )

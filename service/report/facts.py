@@ -148,15 +148,16 @@ def _learned(record: JobRecord) -> dict[str, Any] | None:
     for i, vehicle in enumerate(record.job.scenario.vehicles):
         for j, parameter in enumerate(PER_VEHICLE):
             before, after = base.blocks[4 * i + j], proposal.blocks[4 * i + j]
-            assert isinstance(before, ce.Beta)
-            assert isinstance(after, ce.Beta)
-            amount = _beta_mean(after) - _beta_mean(before)
+            assert not isinstance(before, ce.Normal)
+            assert not isinstance(after, ce.Normal)
+            (mean, deviation), (moved, _) = _moments(before), _moments(after)
+            amount = moved - mean
             starts.append(
                 {
                     "vehicle": vehicle.name,
                     "parameter": parameter,
                     "shift": amount,
-                    "shift_sd": amount / _beta_sd(before),
+                    "shift_sd": amount / deviation,
                     "said": words.shift(vehicle.name, parameter, amount),
                 }
             )
@@ -188,13 +189,17 @@ def xi_shifts_sd(record: JobRecord, proposal: ce.Product) -> np.ndarray:
     return (proposal.normals[0][1].mean - base.mean) / np.sqrt(np.diagonal(base.cov))
 
 
-def _beta_mean(beta: ce.Beta) -> float:
-    return beta.low + (beta.high - beta.low) * beta.alpha / (beta.alpha + beta.beta)
-
-
-def _beta_sd(beta: ce.Beta) -> float:
-    total = beta.alpha + beta.beta
-    return (beta.high - beta.low) * math.sqrt(beta.alpha * beta.beta / (total + 1.0)) / total
+def _moments(block: Any) -> tuple[float, float]:
+    """Mean and standard deviation of a one-dimensional block."""
+    if isinstance(block, ce.Beta):
+        total = block.alpha + block.beta
+        width = block.high - block.low
+        deviation = width * math.sqrt(block.alpha * block.beta / (total + 1.0)) / total
+        return block.low + width * block.alpha / total, deviation
+    nodes, weights = np.polynomial.hermite_e.hermegauss(96)  # x = T(u), u ~ N(shift, 1)
+    values, weights = block.from_standard(nodes + block.shift), weights / weights.sum()
+    mean = float(weights @ values)
+    return mean, math.sqrt(float(weights @ (values - mean) ** 2))
 
 
 def _headline(jobs: Sequence[dict[str, Any]]) -> dict[str, Any]:

@@ -8,8 +8,9 @@ import numpy as np
 import ce
 from policies.drivers import DriverModel
 from policies.layout import HEAD_SIZE
-from service.scenario.schema import Scenario
+from service.scenario.schema import Beta, Distribution, Scenario, Uniform
 
+Marginal = ce.Beta | ce.Uniform | ce.TruncatedNormal
 PER_VEHICLE = ("station_m", "lane_offset_m", "heading_deg", "speed_mps")  # S, T, W, V of the paper
 
 
@@ -28,16 +29,24 @@ class Start:
 
 def base_distribution(scenario: Scenario, drivers: DriverModel) -> ce.Product:
     """P0 of X = (S, T, W, V of each vehicle, xi): dimension 4 vehicles + 404 (paper, section 4)."""
-    blocks: list[ce.Beta | ce.Normal] = []
+    blocks: list[Marginal | ce.Normal] = []
     names: list[str] = []
     for vehicle in scenario.vehicles:
         for key in PER_VEHICLE:
-            dist = scenario.of(vehicle, key)
-            blocks.append(ce.Beta(dist.alpha, dist.beta, dist.low, dist.high))
+            blocks.append(marginal(scenario.of(vehicle, key)))
             names.append(f"{vehicle.name}.{key}")
     blocks.append(ce.Normal(drivers.mu0, drivers.sigma0))
     names += [f"xi[{i}]" for i in range(HEAD_SIZE)]
     return ce.Product(blocks, names)
+
+
+def marginal(dist: Distribution) -> Marginal:
+    """The distribution as a block of the base distribution."""
+    if isinstance(dist, Beta):
+        return ce.Beta(dist.alpha, dist.beta, dist.low, dist.high)
+    if isinstance(dist, Uniform):
+        return ce.Uniform(dist.low, dist.high)
+    return ce.TruncatedNormal(dist.mean, dist.deviation, dist.low, dist.high)
 
 
 def unpack(scenario: Scenario, x: np.ndarray) -> tuple[list[Start], np.ndarray]:

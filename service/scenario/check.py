@@ -6,9 +6,9 @@ import re
 import numpy as np
 
 from service.errors import ScenarioError
-from service.scenario.schema import Beta, Scenario, Vehicle
+from service.scenario.schema import Beta, Distribution, Scenario, TruncatedNormal, Vehicle
 from sumo_nets.corridor import Corridor, load_corridor
-from sumo_nets.errors import NetworkError
+from sumo_nets.errors import EdgesError, NetworkError
 
 MAX_VEHICLES = 64
 MAX_STEPS = 100_000
@@ -87,6 +87,8 @@ def check_road(scenario: Scenario, source: str) -> Corridor:
     network = scenario.network
     try:
         corridor = load_corridor(network.road, list(network.edges) or None)
+    except EdgesError as error:
+        raise ScenarioError(source, "network.edges", list(network.edges) or None, str(error)) from error
     except NetworkError as error:
         raise ScenarioError(source, "network.road", network.road, str(error)) from error
     except (OSError, ValueError) as error:
@@ -121,12 +123,20 @@ def _key(vehicle: Vehicle, index: int, key: str) -> str:
     return f"start.{key}" if getattr(vehicle, key) is None else f"vehicles[{index}].{key}"
 
 
-def _check_distribution(dist: Beta, kind: str, key: str, refuse) -> None:
-    for name in ("alpha", "beta"):
-        if not 0.0 < getattr(dist, name) <= 1000.0:
-            refuse(f"{key}.{name}", getattr(dist, name), "Beta parameters lie above 0 and at most 1000")
+def _check_distribution(dist: Distribution, kind: str, key: str, refuse) -> None:
+    if isinstance(dist, Beta):
+        for name in ("alpha", "beta"):
+            if not 0.0 < getattr(dist, name) <= 1000.0:
+                refuse(f"{key}.{name}", getattr(dist, name), "Beta parameters lie above 0 and at most 1000")
     if not dist.low < dist.high:
         refuse(f"{key}.low", dist.low, f"low must lie below high ({dist.high:g})")
+    if isinstance(dist, TruncatedNormal):
+        if not dist.deviation > 0.0:
+            refuse(f"{key}.deviation", dist.deviation, "a standard deviation lies above 0")
+        if not dist.low - 6.0 * dist.deviation < dist.mean < dist.high + 6.0 * dist.deviation:
+            refuse(
+                f"{key}.mean", dist.mean, f"more than six deviations outside {dist.low:g} to {dist.high:g}"
+            )
     if kind in PLAUSIBLE:
         low, high, remedy = PLAUSIBLE[kind]
         for end in ("low", "high"):

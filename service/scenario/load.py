@@ -6,7 +6,7 @@ import hashlib
 import math
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
@@ -14,7 +14,7 @@ import msgspec
 
 from service.errors import ScenarioError
 from service.scenario.check import DISTRIBUTIONS, check_values
-from service.scenario.schema import FORMAT, Scenario
+from service.scenario.schema import FORMAT, Distribution, Scenario
 
 FOLDER = Path(__file__).parent
 UNITS = {
@@ -189,7 +189,7 @@ def _remedy(what: str, key: str) -> str:
 
 
 def _suggest(name: str, path: str) -> str:
-    known = _known_keys()
+    known = _known_keys(path)
     stem = re.sub(rf"_({UNIT_ENDINGS})$", "", name)
     for key in known:
         ending = next((u for u in UNITS if key == f"{stem}_{u}"), None)
@@ -208,25 +208,42 @@ def _unit_hint(key: str) -> str:
     return ""
 
 
-def _fields() -> Iterator[msgspec.structs.FieldInfo]:
-    """All fields of a scenario and of the tables in it."""
-    pending: list[Any] = [Scenario]
-    while pending:
-        for field in msgspec.structs.fields(pending.pop()):
-            yield field
-            for item in (field.type, *getattr(field.type, "__args__", ())):
-                if isinstance(item, type) and issubclass(item, msgspec.Struct):
-                    pending.append(item)
+def _tables(annotation: Any) -> list[type[msgspec.Struct]]:
+    """The tables among the types that an annotation allows: a table, a list of them, or one of several."""
+    if isinstance(annotation, type) and issubclass(annotation, msgspec.Struct):
+        return [annotation]
+    return [table for part in get_args(annotation) for table in _tables(part)]
 
 
-def _known_keys() -> list[str]:
-    return sorted({field.encode_name for field in _fields()} | {"distribution"})
+def _fields(tables: Iterable[type[msgspec.Struct]]) -> Iterator[msgspec.structs.FieldInfo]:
+    for table in tables:
+        yield from msgspec.structs.fields(table)
+
+
+def _tables_at(path: str) -> list[type[msgspec.Struct]]:
+    """What tables a scenario may have at `path`, as in "vehicles[2].station_m"."""
+    tables: list[type[msgspec.Struct]] = [Scenario]
+    for part in re.findall(r"[^.\[\]]+", path):
+        if not part.isdigit() and part != "...":  # msgspec writes [...] for any element
+            tables = [t for f in _fields(tables) if f.encode_name == part for t in _tables(f.type)]
+    return tables
+
+
+def _known_keys(path: str) -> list[str]:
+    """The keys of the table at `path`."""
+    tables = _tables_at(path)
+    tags = {str(table.__struct_config__.tag_field) for table in tables if table.__struct_config__.tag_field}
+    return sorted({field.encode_name for field in _fields(tables)} | tags)
 
 
 def _choices() -> dict[str, tuple[str, ...]]:
     """The values of keys that have a few."""
-    literals = {f.encode_name: get_args(f.type) for f in _fields() if get_origin(f.type) is Literal}
-    return {"distribution": ("beta",)} | literals
+    tables: list[type[msgspec.Struct]] = [Scenario]
+    for table in tables:  # grows while it is read
+        tables += [t for f in msgspec.structs.fields(table) for t in _tables(f.type) if t not in tables]
+    literals = {f.encode_name: get_args(f.type) for f in _fields(tables) if get_origin(f.type) is Literal}
+    kinds = tuple(str(kind.__struct_config__.tag) for kind in get_args(Distribution))
+    return {"distribution": kinds} | literals
 
 
 def _value_at(data: Any, path: str) -> Any:

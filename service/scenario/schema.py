@@ -20,6 +20,25 @@ class Beta(_Table, frozen=True, tag_field="distribution", tag="beta"):
     high: float
 
 
+class Uniform(_Table, frozen=True, tag_field="distribution", tag="uniform"):
+    """Uniform on [low, high]."""
+
+    low: float
+    high: float
+
+
+class TruncatedNormal(_Table, frozen=True, tag_field="distribution", tag="truncated-normal"):
+    """N(mean, deviation^2) given that it lies in [low, high]."""
+
+    mean: float
+    deviation: float
+    low: float
+    high: float
+
+
+Distribution = Beta | Uniform | TruncatedNormal
+
+
 class Network(_Table, frozen=True):
     road: str  # a built-in road ("i80"), or the path of a SUMO .net.xml, relative to the scenario's file
     edges: tuple[str, ...] = ()  # for a path: the edges of the corridor, from its start to its end
@@ -43,10 +62,10 @@ class Safety(_Table, frozen=True):
 class Start(_Table, frozen=True):
     """Where vehicles start: distributions and sizes that hold for all, unless a vehicle says otherwise."""
 
-    station_m: Beta
-    lane_offset_m: Beta
-    heading_deg: Beta
-    speed_mps: Beta
+    station_m: Distribution
+    lane_offset_m: Distribution
+    heading_deg: Distribution
+    speed_mps: Distribution
     length_m: float = 4.5
     width_m: float = 1.8
 
@@ -55,10 +74,10 @@ class Vehicle(_Table, frozen=True):
     name: str
     lane: int  # 1 is the leftmost, as NGSIM counts
     role: Literal["ego", "environment"] = "environment"
-    station_m: Beta | None = None
-    lane_offset_m: Beta | None = None
-    heading_deg: Beta | None = None
-    speed_mps: Beta | None = None
+    station_m: Distribution | None = None
+    lane_offset_m: Distribution | None = None
+    heading_deg: Distribution | None = None
+    speed_mps: Distribution | None = None
     length_m: float | None = None
     width_m: float | None = None
 

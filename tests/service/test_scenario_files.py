@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import msgspec
 import numpy as np
@@ -120,3 +121,18 @@ def test_a_name_that_no_scenario_can_have_is_a_scenario_error(name):
 
 def test_a_scenario_read_from_a_built_in_file_by_its_path_is_the_same():
     assert load_scenario(str(FOLDER / "i80.toml")) == load_scenario("i80")
+
+
+def test_marginals_can_be_uniform_or_truncated_normal(tmp_path, drivers):
+    text = (FOLDER / "i80-10s.toml").read_text(encoding="utf-8")
+    text = re.sub(
+        r"(?m)^station_m = .*", 'station_m = { distribution = "uniform", low = 80.0, high = 90.0 }', text
+    )
+    normal = '{ distribution = "truncated-normal", mean = 15.0, deviation = 2.0, low = 10.0, high = 20.0 }'
+    text = re.sub(r"(?m)^speed_mps = .*", f"speed_mps = {normal}", text)
+    path = tmp_path / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    scenario = load_scenario(str(path))
+    base = base_distribution(scenario, drivers)
+    assert base.blocks[0] == ce.Uniform(80.0, 90.0)
+    assert base.blocks[3] == ce.TruncatedNormal(15.0, 2.0, 10.0, 20.0)
