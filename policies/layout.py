@@ -11,11 +11,13 @@ WIDTH_M = 4
 LANE_CURVATURE_PER_M = 5  # positive where the lane turns left
 LEFT_MARKING_M = 6  # from the vehicle's centre to its lane's left marking, >= 0 inside the lane
 RIGHT_MARKING_M = 7
-COLLISION = 8  # flags: 0 or 1
-OFF_ROAD = 9
-REVERSING = 10
+LANE_TO_THE_LEFT = 8  # flags, 0 or 1: a lane lies beyond the left marking, here and for the next LANE_AHEAD_M
+LANE_TO_THE_RIGHT = 9
+INCIDENT = 10  # collision, off the road, or reversing
 RANGE_M = 11  # the first of BEAMS ranges from the vehicle's centre; LIDAR_RANGE_M where nothing is hit
 RANGE_RATE_MPS = 31  # the first of BEAMS relative velocities along the beam; negative when closing
+
+LANE_AHEAD_M = 120.0  # a lane that ends sooner (a ramp's) does not invite anybody
 
 BEAMS = 20  # beam i points at heading + 2 pi i / BEAMS, counter-clockwise; beam 0 straight ahead
 LIDAR_RANGE_M = 100.0

@@ -10,4 +10,5 @@ COLLISION, OFF_ROAD, REVERSING = 17, 18, 19  # 0 or 1
 ACTIVE = 20  # 1 while the vehicle is on the road; sensors see active vehicles only
 TAKEN_OVER = 21  # 1 once an environment vehicle is driven by the lane-keeping intelligent driver
 ACCELERATION_MPS2, TURN_RATE_RADPS = 22, 23  # as applied in the last step
-COLUMNS = 24
+LANE_TO_THE_LEFT, LANE_TO_THE_RIGHT = 24, 25  # 1 where one lies there and goes on
+COLUMNS = 26

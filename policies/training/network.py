@@ -10,7 +10,8 @@ from policies import layout as O
 from policies.training.world import Network
 
 ACTION_SCALE = np.array([1.0, 0.05])  # m/s^2, rad/s: about the spread of a driver's actions
-FLAGS = slice(O.COLLISION, O.REVERSING + 1)
+UNSCALED = slice(O.LANE_TO_THE_LEFT, O.INCIDENT + 1)  # flags are 0 or 1 as they are
+NEVER_SET = O.INCIDENT  # nobody that is driven by a network has had one: nothing to learn from
 LOG_STD_FLOOR = -2.3  # no driver is more certain than 0.1 m/s^2 and 0.005 rad/s
 
 
@@ -28,7 +29,7 @@ class DriverNet(nn.Module):
         self.second = nn.Linear(O.HIDDEN_1, O.HIDDEN_2)
         self.head = nn.Linear(O.HIDDEN_2, O.OUTPUTS)
         with torch.no_grad():
-            self.first.weight[:, FLAGS] = 0.0  # never set in demonstrations: nothing to learn from
+            self.first.weight[:, NEVER_SET] = 0.0
             self.head.weight *= 0.1
             self.head.bias[2:] = -1.0
 
@@ -44,7 +45,7 @@ class DriverNet(nn.Module):
 def input_statistics(seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean and spread of each input; inputs that never change get spread 1."""
     mean, spread = seen.mean(axis=0, dtype=np.float64), seen.std(axis=0, dtype=np.float64)
-    mean[FLAGS], spread[FLAGS] = 0.0, 1.0
+    mean[UNSCALED], spread[UNSCALED] = 0.0, 1.0
     return mean, np.where(spread > 1e-9, spread, 1.0)
 
 
@@ -104,7 +105,7 @@ def train(
         optimizer.step()
         schedule.step()
         with torch.no_grad():
-            net.first.weight[:, FLAGS] = 0.0
+            net.first.weight[:, NEVER_SET] = 0.0
         if step % 50 == 0:
             losses.append(float(loss.detach()))
         if progress and task is not None:

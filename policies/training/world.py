@@ -52,8 +52,8 @@ def observe_recorded(
     """Observations (n, 51) of recorded vehicles, each moved by its row of `shift`.
 
     state: (F, N, 4) x, y, heading, speed; size: (N, 2); present: (F, N); which_frame, which_vehicle: (n,); shift:
-    (n, 4) metres ahead, metres to the left, radians, m/s. The flags (collision, off-road, reversing) are left at
-    0: recorded drivers do none of it, only recorded boxes do.
+    (n, 4) metres ahead, metres to the left, radians, m/s. The flag INCIDENT is left at 0: recorded
+    drivers do none of it, only recorded boxes do.
     """
     vehicles = state.shape[1]
     agents = np.zeros((vehicles + 1, A.COLUMNS))
@@ -83,9 +83,7 @@ def observe_recorded(
         observe(agents, 1, vehicles + 1, -1, reference, lanes, spacing_m, beams, beams, seen)
         stations[own] = me[A.STATION]
         out[i] = seen[0]
-        out[i, O.COLLISION] = 0.0
-        out[i, O.OFF_ROAD] = 0.0
-        out[i, O.REVERSING] = 0.0
+        out[i, O.INCIDENT] = 0.0
 
 
 # columns of a rollout's trace

@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from policies.jit import kernel
+from policies.layout import LANE_AHEAD_M
 from service import agents as A
 
 # columns of the reference line's table
@@ -31,6 +32,14 @@ def place(
     agent[A.Y_M] = row[REF_Y] + along * stretch * row[REF_SIN] + offset * row[REF_COS]
     agent[A.HEADING_RAD] = row[REF_HEADING] + along * row[REF_CURVATURE] + lane_heading_rad
     agent[A.STATION] = k
+
+
+@kernel
+def _goes_on(lanes: np.ndarray, lane: int, here: int, ahead: int) -> float:
+    """1 if `lane` exists at both stations, else 0."""
+    if lane < 0 or lane >= lanes.shape[1]:
+        return 0.0
+    return 0.0 if math.isnan(lanes[here, lane, 0]) or math.isnan(lanes[ahead, lane, 0]) else 1.0
 
 
 @kernel
@@ -93,6 +102,9 @@ def locate(agent: np.ndarray, reference: np.ndarray, lanes: np.ndarray, spacing_
     agent[A.LANE_OFFSET_M] = offset - 0.5 * (best_left + best_right)
     agent[A.LEFT_MARKING_M] = best_left - offset
     agent[A.RIGHT_MARKING_M] = offset - best_right
+    ahead = min(k + int(LANE_AHEAD_M / spacing_m), last)
+    agent[A.LANE_TO_THE_LEFT] = _goes_on(lanes, best - 1, k, ahead)
+    agent[A.LANE_TO_THE_RIGHT] = _goes_on(lanes, best + 1, k, ahead)
     curvature = row[REF_CURVATURE] / (1.0 - row[REF_CURVATURE] * offset)
     agent[A.CURVATURE_PER_M] = curvature
     agent[A.LANE_HEADING_RAD] = agent[A.HEADING_RAD] - row[REF_HEADING] - along * row[REF_CURVATURE] - slope

@@ -74,9 +74,9 @@ def observe(
         seen[layout.LANE_CURVATURE_PER_M] = agent[A.CURVATURE_PER_M]
         seen[layout.LEFT_MARKING_M] = agent[A.LEFT_MARKING_M]
         seen[layout.RIGHT_MARKING_M] = agent[A.RIGHT_MARKING_M]
-        seen[layout.COLLISION] = agent[A.COLLISION]
-        seen[layout.OFF_ROAD] = agent[A.OFF_ROAD]
-        seen[layout.REVERSING] = agent[A.REVERSING]
+        seen[layout.LANE_TO_THE_LEFT] = agent[A.LANE_TO_THE_LEFT]
+        seen[layout.LANE_TO_THE_RIGHT] = agent[A.LANE_TO_THE_RIGHT]
+        seen[layout.INCIDENT] = max(agent[A.COLLISION], agent[A.OFF_ROAD], agent[A.REVERSING])
         scan(
             agents,
             count,

@@ -70,10 +70,10 @@ def test_sigma0_of_the_drivers_is_symmetric_positive_definite():
     assert 0.001 < np.median(np.sqrt(np.diag(model.sigma0))) < 0.2
 
 
-def test_flags_do_not_reach_the_shipped_drivers():
-    """Demonstrations never set them, so what they would do is unknown: their weights are zero."""
+def test_flags_do_not_reach_the_cloned_drivers():
+    """They were trained before the flags told of neighbouring lanes: their weights are zero."""
     model = load_drivers("drivers-bc")
-    assert not model.w1[O.COLLISION : O.REVERSING + 1].any()
+    assert not model.w1[O.LANE_TO_THE_LEFT : O.INCIDENT + 1].any()
 
 
 def free_road(speed: float, offset: float, heading: float = 0.0) -> np.ndarray:

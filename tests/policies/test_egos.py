@@ -20,7 +20,7 @@ def observations(n: int) -> list[np.ndarray]:
     made = []
     for _ in range(n):
         vector = np.zeros(layout.OBSERVATION_SIZE)
-        vector[: layout.COLLISION] = [
+        vector[: layout.LANE_TO_THE_LEFT] = [
             *generator.normal(size=2) * 0.2,
             generator.uniform(0, 30),
             4.5,

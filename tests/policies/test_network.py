@@ -29,7 +29,7 @@ def random_network(seed: int) -> dict[str, np.ndarray]:
 
 def random_observation(seed: int) -> np.ndarray:
     observation = np.random.default_rng(seed).normal(size=layout.OBSERVATION_SIZE) * 3.0
-    observation[layout.COLLISION : layout.RANGE_M] = 0.0
+    observation[layout.LANE_TO_THE_LEFT : layout.RANGE_M] = 0.0
     return observation
 
 

@@ -33,7 +33,7 @@ def test_recorded_rows_show_what_the_driver_was_doing(scene, rows):
     assert np.allclose(rows.action[:, 1], scene.turn_rate[frame, vehicle], atol=1e-6)
     width = rows.seen[:, O.LEFT_MARKING_M] + rows.seen[:, O.RIGHT_MARKING_M]
     assert np.allclose(width, scene.road.lane_width_m, atol=1e-3)
-    assert not rows.seen[:, O.COLLISION : O.REVERSING + 1].any()
+    assert not rows.seen[:, O.INCIDENT].any()
     ranges = rows.seen[:, O.RANGE_M : O.RANGE_M + O.BEAMS]
     assert (ranges > 0.0).all()
     assert (ranges[:, 0] < O.LIDAR_RANGE_M).mean() > 0.9

@@ -74,7 +74,7 @@ def test_an_observation_holds_what_the_layout_says(make_world):
     assert (seen[layout.LENGTH_M], seen[layout.WIDTH_M]) == (4.5, 1.8)
     assert seen[layout.LEFT_MARKING_M] + seen[layout.RIGHT_MARKING_M] == pytest.approx(3.66, abs=0.05)
     assert seen[layout.LEFT_MARKING_M] == pytest.approx(3.66 / 2 - 0.2, abs=0.03)
-    assert list(seen[layout.COLLISION : layout.RANGE_M]) == [0.0, 0.0, 0.0]
+    assert list(seen[layout.LANE_TO_THE_LEFT : layout.RANGE_M]) == [1.0, 1.0, 0.0]
     assert seen[layout.RANGE_M] == pytest.approx(30.0 - 2.25, abs=0.1)
     assert seen[layout.RANGE_RATE_MPS] == pytest.approx(-5.0, abs=0.01)
     assert ttc == pytest.approx(27.75 / 5.0, rel=0.01)
