@@ -34,6 +34,10 @@ I80_LANES = "scenes/i80_lanes.json"
 US101_FILE = "scenes/us101_commonroad_merged.parquet"
 US101_LANES = "scenes/us101_lanes.json"
 
+# The last vehicles of each recording are held out, so that train and test drivers differ.
+I80_HELD_OUT_FROM = 2470
+US101_HELD_OUT_FROM = 500
+
 SLOW_MPS = 2.0  # below it the heading fades to the lane's
 EDGE_FRAMES = 8  # smoothed ends of a track: one-sided, so not used as demonstrations
 I80_WIDTH_M = 1.9  # not recorded; between the 1.8 m of the data pack's check and NGSIM's median of 2.1 m
@@ -91,7 +95,8 @@ class Scene:
     frame (F,) recorded frame numbers; vehicle_id (N,), length_m (N,), width_m (N,); x, y, heading, speed, accel,
     turn_rate in m, rad, s: accel and turn_rate are the actions that lead from one frame to the next (forward
     differences); station, lateral in the road's frame (lateral after rectification); lane (0 = leftmost); flags
-    a sum of FLAG_NAMES; usable: neighbours recorded, no flag, not at a track's end, action known.
+    a sum of FLAG_NAMES; usable: neighbours recorded, no flag, not at a track's end, action known; held_out_from:
+    vehicles from this number on are kept from training.
     """
 
     name: str
@@ -112,6 +117,7 @@ class Scene:
     lane: np.ndarray
     flags: np.ndarray
     usable: np.ndarray
+    held_out_from: int
 
     @property
     def present(self) -> np.ndarray:
@@ -146,7 +152,7 @@ def read_i80(data: Path | str, lanes_json: Path | str | None = None, road_length
     width = float((centres[5] - centres[0]).mean() / 5.0)
     road = straight_lanes("ngsim-i80", road_length_m, 7, width)
     s_raw, d_raw = table["x_m"].to_numpy(), table["y_m"].to_numpy()
-    d = _rectify(s_raw, -d_raw, grid, centres, width)
+    d = rectify(s_raw, -d_raw, grid, centres, width)
     length = np.clip(table["length_est_m"].to_numpy() - I80_LENGTH_EXCESS_M, 3.6, None)
     table = table.with_columns(
         pl.Series("s", s_raw - 0.5 * length),  # the recording gives the front's centre
@@ -154,7 +160,7 @@ def read_i80(data: Path | str, lanes_json: Path | str | None = None, road_length
         pl.Series("length", length),
         pl.lit(I80_WIDTH_M).alias("width"),
     )
-    return _scene("i80", table, road)
+    return assemble("i80", table, road, I80_HELD_OUT_FROM)
 
 
 def read_us101(data: Path | str) -> list[Scene]:
@@ -180,14 +186,17 @@ def read_us101(data: Path | str) -> list[Scene]:
     road = straight_lanes("ngsim-us101", station[-1], 6, width, curve)
     xy = np.column_stack([table["x_m"].to_numpy(), table["y_m"].to_numpy()])
     s, d_map = _project(xy, curve)
-    d = _rectify(s, -d_map, grid, centres, width)
+    d = rectify(s, -d_map, grid, centres, width)
     table = table.with_columns(
         pl.Series("s", s),
         pl.Series("d", d),
         pl.col("length_m").alias("length"),
         pl.col("width_m").alias("width"),
     )
-    return [_scene(str(key[0]), part, road) for key, part in table.group_by("scene_id", maintain_order=True)]
+    return [
+        assemble(str(key[0]), part, road, US101_HELD_OUT_FROM)
+        for key, part in table.group_by("scene_id", maintain_order=True)
+    ]
 
 
 def _locate(data, file: str, lanes: str, lanes_json) -> tuple[Path, Path]:
@@ -216,7 +225,7 @@ def _read(path: Path, needed: list[str]) -> pl.DataFrame:
     return table.sort(order)
 
 
-def _rectify(s, right, grid, centres, width):
+def rectify(s, right, grid, centres, width):
     """Lateral offset (positive left, 0 = road middle) of points `right` m to the right of the reference.
 
     centres (L, G): lane centres to the right of the reference at stations `grid`; they become parallel.
@@ -261,8 +270,12 @@ def _project(points: np.ndarray, curve) -> tuple[np.ndarray, np.ndarray]:
     return s, d
 
 
-def _scene(name: str, table: pl.DataFrame, road: SceneRoad) -> Scene:
-    """Smooth every gap-free piece of every track and lay them out on a common (frame, vehicle) grid."""
+def assemble(name: str, table: pl.DataFrame, road: SceneRoad, held_out_from: int) -> Scene:
+    """Smooth every gap-free piece of every track and lay them out on a common (frame, vehicle) grid.
+
+    table: sorted by vehicle and frame, with s, d (station and rectified offset of the centre, m), length, width,
+    followers_known and leader_known.
+    """
     numbers = table["frame"].to_numpy()
     frames = np.arange(numbers.min(), numbers.max() + 1)
     ids = np.sort(table["vehicle_id"].unique().to_numpy())
@@ -302,7 +315,7 @@ def _scene(name: str, table: pl.DataFrame, road: SceneRoad) -> Scene:
     usable &= (flags == 0) & on_map & np.isfinite(out["accel"]) & np.isfinite(out["turn_rate"])
     return Scene(
         name, DT_S, road, frames, ids, length, width, out["x"], out["y"], out["heading"], out["speed"],
-        out["accel"], out["turn_rate"], out["s"], out["d"], lane, flags, usable,
+        out["accel"], out["turn_rate"], out["s"], out["d"], lane, flags, usable, held_out_from,
     )  # fmt: skip
 
 

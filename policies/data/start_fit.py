@@ -29,10 +29,10 @@ from scipy.stats import beta as beta_distribution
 from scipy.stats import kstest, spearmanr
 
 from policies.data.ngsim_pack import read_pack
-from policies.data.scenes import DataError, Scene, read_i80
+from policies.data.scenes import I80_HELD_OUT_FROM, DataError, Scene, read_i80
 
 COIFMAN_FILE = "trajectories/coifman_li_2017_i80_cam6_0400-0415.parquet"
-TRAIN_BELOW = 2470
+TRAIN_BELOW = I80_HELD_OUT_FROM
 MAIN_LANES = 6
 EVERY_FRAMES = 10  # one row a second
 LINES_M = np.arange(100.0, 401.0, 25.0)  # lines across the recorded 500 m

@@ -21,10 +21,6 @@ from policies.training.world import BEAM_TABLE, observe_recorded, scene_road
 
 RECORDED, PERTURBED, AGGREGATED = 0, 1, 2
 
-# Held-out vehicles by id: the last ones of each recording, so that train and test drivers differ.
-I80_HELD_OUT_FROM = 2470
-US101_HELD_OUT_FROM = 500
-
 # Standard deviations of the injected displacement: metres ahead, metres to the left, radians, m/s.
 INJECTED_SD = np.array([1.5, 0.35, 0.015, 0.7])
 INJECTED_AHEAD_LIMIT_M = 0.3  # at most this share of the gap ahead
@@ -68,7 +64,7 @@ def joined(parts: list[Rows]) -> Rows:
 
 def held_out_vehicles(scene: Scene) -> np.ndarray:
     """(N,) bool: vehicles kept from training."""
-    return scene.vehicle_id >= (I80_HELD_OUT_FROM if scene.name.startswith("i80") else US101_HELD_OUT_FROM)
+    return scene.vehicle_id >= scene.held_out_from
 
 
 def recorded_rows(scene: Scene) -> Rows:

@@ -2,7 +2,8 @@
 
     python -m policies.training.drivers --data DIR --out DIR --seed 1
 
-DIR of --data is the data pack's folder (its README tells where the recordings come from). Written to --out:
+DIR of --data is the data pack's folder (its README tells where the recordings come from), or a folder of tables that
+`tailroad data import` wrote. Written to --out:
 drivers-bc.safetensors with its card drivers-bc.json. Minutes on one core; an interrupted run continues after its last
 finished stage when started again with the same arguments.
 
@@ -25,14 +26,13 @@ import numpy as np
 import torch
 from rich.progress import Progress
 
-from policies.data.scenes import I80_FILE, I80_LANES, US101_FILE, US101_LANES, read_i80, read_us101, summary
+from policies.data.recordings import load_recordings
+from policies.data.scenes import summary
 from policies.drivers import save_drivers
 from policies.training import metrics
 from policies.training.aggregation import visited
 from policies.training.demonstrations import (
     AGGREGATED,
-    I80_HELD_OUT_FROM,
-    US101_HELD_OUT_FROM,
     Rows,
     held_out_vehicles,
     joined,
@@ -40,7 +40,7 @@ from policies.training.demonstrations import (
     recorded_rows,
 )
 from policies.training.ensemble import describe, head_distribution, refit_head, sampling_covariances
-from policies.training.expert import ZHU_FILE, Expert, evidence, fit, mean_action, noise_sd
+from policies.training.expert import Expert, evidence, fit, mean_action, noise_sd
 from policies.training.network import (
     ACTION_SCALE,
     DriverNet,
@@ -56,7 +56,7 @@ from policies.training.world import Network, i80_road
 class Arguments:
     """Every argument of the training; the defaults made the shipped weights."""
 
-    data: Path  # the data pack's folder
+    data: Path  # the data pack's folder, or one of imported tables
     out: Path  # where the weights and their card go
     seed: int = 1
     rounds: int = 5  # of aggregation
@@ -89,9 +89,10 @@ def main() -> None:
 
     stages = Stages(arguments)
     with Progress() as progress:
-        scenes = [read_i80(arguments.data), *read_us101(arguments.data)]
+        recordings = load_recordings(arguments.data)
+        scenes = recordings.scenes
         recorded, perturbed = stages.get("rows", lambda: rows_of(scenes, rows_rng))
-        found = evidence(arguments.data, scenes, [~held_out_vehicles(scene) for scene in scenes])
+        found = evidence(recordings.following, scenes, [~held_out_vehicles(scene) for scene in scenes])
         expert = fit(found)
         road = i80_road()
 
@@ -125,7 +126,7 @@ def main() -> None:
 
         centre = network._replace(head=distribution.mean.astype(np.float32))
         measured = measure(
-            arguments, draw, centre, road, scenes, recorded, aggregated, xi_rng, check_rng, progress
+            arguments, draw, centre, road, recordings, recorded, aggregated, xi_rng, check_rng, progress
         )
 
     card = {
@@ -136,7 +137,7 @@ def main() -> None:
         "command": command("policies.training.drivers", arguments),
         "seed": arguments.seed,
         "arguments": public(arguments),
-        "data": data_card(arguments, scenes, recorded, perturbed, aggregated),
+        "data": data_card(arguments, recordings, recorded, perturbed, aggregated),
         "expert": {**expert.as_dict(), "resampled": [e.as_dict() for e in experts]},
         "action_scale": ACTION_SCALE.tolist(),
         "sigma0": {
@@ -284,7 +285,7 @@ def train_members(
     return experts, np.array(members), sampling_covariances(everything, base, common, arguments.ridge)
 
 
-def measure(arguments, draw, centre, road, scenes, recorded, aggregated, xi_rng, check_rng, progress) -> dict:
+def measure(arguments, draw, centre, road, found, recorded, aggregated, xi_rng, check_rng, progress) -> dict:
     """All metrics of the card."""
     task = progress.add_task("whole road", total=arguments.check_rollouts)
     on_road = metrics.whole_road(
@@ -302,7 +303,7 @@ def measure(arguments, draw, centre, road, scenes, recorded, aggregated, xi_rng,
     sd = learned.action.std(axis=0) / ACTION_SCALE
     constant = 0.5 * (held.action / ACTION_SCALE / sd) ** 2 + np.log(sd) + 0.5 * np.log(2.0 * np.pi)
     loop = {}
-    for name, part in (("i80", scenes[:1]), ("us101", scenes[1:])):
+    for name, part in found.sites.items():
         loop[name] = metrics.closed_loop(lambda _: draw(xi_rng), part, (5.0, 10.0, 20.0), check_rng)
     return {
         "p0_whole_road": on_road,
@@ -358,13 +359,12 @@ def xi_effects(network, members, distribution, recorded, aggregated) -> dict[str
     return result
 
 
-def data_card(arguments, scenes, recorded, perturbed, aggregated) -> dict:
+def data_card(arguments, recordings, recorded, perturbed, aggregated) -> dict:
     """What the weights learned from, with shares."""
     held = recorded.held_out
     shares = [arguments.recorded_share, arguments.perturbed_share]
-    files = (I80_FILE, I80_LANES, US101_FILE, US101_LANES, ZHU_FILE)
     return {
-        "files": {f: hashlib.sha256((arguments.data / f).read_bytes()).hexdigest() for f in files},
+        "files": recordings.files,
         "rows": {
             "recorded": int((~held).sum()),
             "recorded_held_out": int(held.sum()),
@@ -376,8 +376,8 @@ def data_card(arguments, scenes, recorded, perturbed, aggregated) -> dict:
             "perturbed": shares[1],
             "aggregated_with_expert_labels": round(1.0 - sum(shares), 4),
         },
-        "held_out": {"i80_vehicle_id_from": I80_HELD_OUT_FROM, "us101_vehicle_id_from": US101_HELD_OUT_FROM},
-        "scenes": [summary(scene) for scene in scenes],
+        "held_out_vehicle_id_from": {scene.name: scene.held_out_from for scene in recordings.scenes},
+        "scenes": [summary(scene) for scene in recordings.scenes],
     }
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import torch
 from rich.progress import Progress
 
-from policies.data.scenes import read_i80, read_us101
+from policies.data.recordings import load_recordings
 from policies.drivers import load_drivers, save_drivers
 from policies.layout import HEAD_SIZE, OUTPUTS
 from policies.training import metrics
@@ -50,7 +50,7 @@ EXPLORATION_LOG_STD = -2.0  # of the action noise while states are collected
 class Arguments:
     """Every argument of the training; the defaults made the shipped weights."""
 
-    data: Path  # the data pack's folder
+    data: Path  # the data pack's folder, or one of imported tables
     out: Path  # where the weights and their card go
     seed: int = 1
     drivers: str = "drivers-bc"  # weights of the drivers around the ego in the final check
@@ -79,9 +79,10 @@ def main() -> None:
     model = load_drivers(arguments.drivers)
     stages = Stages(arguments)
     with Progress() as progress:
-        scenes = [read_i80(arguments.data), *read_us101(arguments.data)]
+        recordings = load_recordings(arguments.data)
+        scenes = recordings.scenes
         recorded, perturbed = stages.get("rows", lambda: rows_of(scenes, rows_rng))
-        fitted = fit(evidence(arguments.data, scenes, [~held_out_vehicles(scene) for scene in scenes]))
+        fitted = fit(evidence(recordings.following, scenes, [~held_out_vehicles(scene) for scene in scenes]))
         expert = replace(fitted, **CAREFUL)
         road = i80_road()
         net, aggregated = stages.get(
@@ -127,7 +128,7 @@ def main() -> None:
         "command": command("policies.training.ego_lidar", arguments),
         "seed": arguments.seed,
         "arguments": public(arguments),
-        "data": data_card(arguments, scenes, recorded, perturbed, aggregated),
+        "data": data_card(arguments, recordings, recorded, perturbed, aggregated),
         "expert": expert.as_dict(),
         "action_scale": ACTION_SCALE.tolist(),
         "metrics": {

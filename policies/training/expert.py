@@ -20,16 +20,13 @@ noise                   turn rate: the white noise that gives the recorded s.d. 
 """
 
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 
 import numpy as np
-import polars as pl
 from scipy.optimize import minimize
 
 from policies import layout as O
-from policies.data.scenes import DataError, Scene
+from policies.data.scenes import Scene
 
-ZHU_FILE = "trajectories/zhu_ngsim_cf_events.parquet"
 DT_S = 0.1
 DAMPING_RATIO = 0.9  # lane keeping hardly overshoots; not identifiable from stationary moments
 STEERING_SPEED_FLOOR_MPS = 4.0
@@ -56,6 +53,25 @@ class Expert:
     def as_dict(self) -> dict[str, float]:
         return {key: round(float(value), 6) for key, value in asdict(self).items()}
 
+    def lateral_acceleration(self, seen: np.ndarray) -> np.ndarray:
+        """Acceleration across the lane (n,) in m/s^2, positive to the left, for observations (n, 51)."""
+        rate = self.lateral_rate_per_s
+        damping = 2.0 * DAMPING_RATIO * rate * lateral_speed(seen)
+        return -(rate**2) * seen[:, O.LANE_OFFSET_M] - damping
+
+    def lateral_noise(self, seen: np.ndarray) -> np.ndarray:
+        """Strength (n,) of the white lateral acceleration, in m/s^1.5.
+
+        The oscillator's stationary variance is S / (4 zeta w^3), S the square of the strength.
+        """
+        density = 4.0 * DAMPING_RATIO * self.lateral_rate_per_s**3 * self.offset_sd_m**2
+        return np.full(len(seen), np.sqrt(density))
+
+
+def lateral_speed(seen: np.ndarray) -> np.ndarray:
+    """Speed across the lane (n,) in m/s, positive to the left."""
+    return seen[:, O.SPEED_MPS].astype(np.float64) * np.sin(seen[:, O.LANE_HEADING_RAD])
+
 
 def mean_action(expert: Expert, seen: np.ndarray) -> np.ndarray:
     """Action (n, 2) for observations (n, 51): m/s^2 and rad/s, without noise."""
@@ -63,11 +79,8 @@ def mean_action(expert: Expert, seen: np.ndarray) -> np.ndarray:
     gap, closing = leader(seen)
     free = expert.acceleration_mps2 * (1.0 - (v / expert.desired_speed_mps) ** 4)
     accel = free - _interaction(expert, v, gap, closing)
-    rate = expert.lateral_rate_per_s
-    across = rate**2 * seen[:, O.LANE_OFFSET_M] + 2.0 * DAMPING_RATIO * rate * v * np.sin(
-        seen[:, O.LANE_HEADING_RAD]
-    )
-    turn = v * seen[:, O.LANE_CURVATURE_PER_M] - across / np.maximum(v, STEERING_SPEED_FLOOR_MPS)
+    across = expert.lateral_acceleration(seen)
+    turn = v * seen[:, O.LANE_CURVATURE_PER_M] + across / np.maximum(v, STEERING_SPEED_FLOOR_MPS)
     accel = np.clip(accel, -O.MAX_DECELERATION_MPS2, O.MAX_ACCELERATION_MPS2)
     return np.column_stack([accel, np.clip(turn, -O.MAX_TURN_RATE_RADPS, O.MAX_TURN_RATE_RADPS)])
 
@@ -75,12 +88,11 @@ def mean_action(expert: Expert, seen: np.ndarray) -> np.ndarray:
 def noise_sd(expert: Expert, seen: np.ndarray) -> np.ndarray:
     """Standard deviations (n, 2) of the white noise of a 0.1 s step.
 
-    The oscillator's stationary variance is S / (4 zeta w^3) with S = (v sd)^2 dt the noise's spectral density.
+    The lateral noise fades out below the floor: nobody turns while standing.
     """
     speed = seen[:, O.SPEED_MPS].astype(np.float64)
     v = np.maximum(speed, STEERING_SPEED_FLOOR_MPS)
-    density = 4.0 * DAMPING_RATIO * expert.lateral_rate_per_s**3 * expert.offset_sd_m**2
-    turn = np.sqrt(density / DT_S) / v * (speed / v)  # fades out below the floor: nobody turns while standing
+    turn = expert.lateral_noise(seen) / np.sqrt(DT_S) / v * (speed / v)
     return np.column_stack([np.full(len(v), expert.acceleration_noise_mps2), turn])
 
 
@@ -120,17 +132,8 @@ class Evidence:
     lateral: np.ndarray
 
 
-def evidence(data: Path | str, scenes: list[Scene], train: list[np.ndarray]) -> Evidence:
-    """Collect the evidence from the data pack and its scenes; train: (N,) bool for each scene's vehicles."""
-    path = Path(data) / ZHU_FILE
-    if not path.is_file():
-        raise DataError(f"{path}: no such file; --data must name the data pack's folder")
-    table = pl.read_parquet(path).sort("event", "k")
-    events = [part for _, part in table.group_by("event", maintain_order=True)]
-    steps = max(len(e) for e in events)
-    following = np.full((len(events), steps, 3), np.nan)
-    for i, event in enumerate(events):
-        following[i, : len(event)] = event.select("spacing_m", "foll_v_mps", "lead_v_mps").to_numpy()
+def evidence(following: np.ndarray, scenes: list[Scene], train: list[np.ndarray]) -> Evidence:
+    """Collect the evidence from car-following events and scenes; train: (N,) bool for each scene's vehicles."""
     free, track, lateral = [], [], []
     for number, (scene, keep) in enumerate(zip(scenes, train, strict=True)):
         spacing, lanes = scene.road.lane_width_m, len(scene.road.lane_left)

@@ -11,7 +11,8 @@ from scipy.special import psi
 
 from policies.data import start_fit as F
 from policies.data import start_fit_report as R
-from policies.data.scenes import DataError
+from policies.data.scenes import DataError, read_i80
+from policies.training.demonstrations import held_out_vehicles
 from service.cli.main import main
 from service.scenario import load_scenario
 
@@ -66,8 +67,11 @@ def test_a_sample_without_spread_is_refused(wrong):
 
 
 def test_held_out_vehicles_are_those_of_the_drivers_training():
-    text = (Path(F.__file__).parents[1] / "training" / "demonstrations.py").read_text(encoding="utf-8")
-    assert f"I80_HELD_OUT_FROM = {F.TRAIN_BELOW}\n" in text
+    shipped = Path(F.__file__).parent / "sample"
+    scene = read_i80(shipped / "i80_6s.parquet", shipped / "i80_lanes.json")
+    assert set(scene.vehicle_id[held_out_vehicles(scene)]) == {
+        v for v in scene.vehicle_id if v >= F.TRAIN_BELOW
+    }
 
 
 def test_the_scenario_says_what_was_fitted():
