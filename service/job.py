@@ -41,6 +41,11 @@ def make_job(
     scenario: Scenario, ego: str, gamma: float, method: str, seed: int, options: dict[str, Any]
 ) -> Job:
     """A checked job; InputError, ce.CeError or ValueError names what is wrong."""
+    if scenario.fixed is not None:
+        raise InputError(
+            f"scenario {scenario.name} holds one fixed rollout: run it with `tailroad rollout`, or remove [fixed] "
+            "from the file to estimate over its distributions"
+        )
     job = Job(
         scenario=scenario,
         ego=ego,

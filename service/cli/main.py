@@ -10,6 +10,8 @@ import click
 COMMANDS = {
     "estimate": "service.cli.estimate",
     "rollout": "service.cli.rollout",
+    "failures": "service.cli.failures",
+    "replay": "service.cli.replay",
     "report": "service.cli.report",
     "scenario": "service.cli.scenario",
     "nets": "service.cli.nets",

@@ -11,6 +11,8 @@ from service.cli.options import ego_option, json_option, require_folder, seed_op
 from service.errors import SimulationError
 from service.job import Problem, make_job
 from service.scenario import load_scenario
+from service.scenario.check import check_road
+from service.scenario.fixed import fixed_draw, released
 from service.trace import record, write_table
 
 FILE = click.Path(dir_okay=False, path_type=Path)
@@ -33,15 +35,22 @@ def command(
     fcd: Path | None,
     as_json: bool,
 ) -> None:
-    """Run one rollout drawn from the base distribution of SCENARIO."""
+    """Run one rollout drawn from the base distribution of SCENARIO, or the one that its file holds ([fixed])."""
     for path, what in ((video, "--video"), (table, "--trace"), (fcd, "--fcd")):
         require_folder(path, what)
-    problem = Problem(
-        make_job(load_scenario(scenario), ego, gamma=0.0, method="naive", seed=seed, options={})
-    )
-    x, noise = ce.draw(problem.base, seed, "estimate", 0, 0, 1)
+    loaded = load_scenario(scenario)
+    check_road(loaded, scenario)
+    fixed = loaded.fixed
+    if fixed is not None and fixed.ego is not None and not _given("ego"):
+        ego = fixed.ego
+    problem = Problem(make_job(released(loaded), ego, gamma=0.0, method="naive", seed=seed, options={}))
+    if fixed is None:
+        drawn, seeds = ce.draw(problem.base, seed, "estimate", 0, 0, 1)
+        x, noise = drawn[0], int(seeds[0])
+    else:
+        x, noise = fixed_draw(problem.base, fixed, problem.job.weights_sha256, scenario)
     with problem.simulator(fcd=fcd) as simulator:
-        trace = record(problem, simulator, x[0], int(noise[0]))
+        trace = record(problem, simulator, x, noise)
     result = trace.rollout
     if result.error is not None:
         raise SimulationError(
@@ -63,6 +72,8 @@ def command(
         "time_s": round(result.steps * problem.job.scenario.time.step_s, 3),
         "ego_mean_speed_mps": float(trace.agents[:, trace.ego, A.SPEED_MPS].mean()),
     }
+    if fixed is not None and fixed.f is not None and ego == fixed.ego:
+        summary |= {"f_on_record": fixed.f, "same_to_the_bit": fixed.f == result.f}
     if as_json:
         click.echo(json.dumps(summary, indent=2))
         return
@@ -70,6 +81,18 @@ def command(
         f"{scenario}, ego {ego}, seed {seed}: {result.outcome} after {summary['time_s']:g} s, "
         f"smallest time to collision {result.f:.3f} s, mean speed {summary['ego_mean_speed_mps']:.1f} m/s"
     )
+    if "same_to_the_bit" in summary:
+        click.echo(
+            "The same f to the bit as on record."
+            if summary["same_to_the_bit"]
+            else f"On record: {fixed.f!r} s."
+        )
     for path in (video, table, fcd):
         if path is not None:
             click.echo(path)
+
+
+def _given(option: str) -> bool:
+    """Whether the user gave the option, rather than its default."""
+    source = click.get_current_context().get_parameter_source(option)
+    return source is not None and source.name != "DEFAULT"

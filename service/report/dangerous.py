@@ -12,7 +12,7 @@ import numpy as np
 
 from service import agents as A
 from service.job import Job, Problem
-from service.report.replay import JobRecord
+from service.record import JobRecord
 from service.safety.ttc import ego_time_to_collision
 from service.sensors.lidar import beam_directions
 from service.sim.rollout import Simulator

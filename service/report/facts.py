@@ -13,9 +13,9 @@ import msgspec
 import numpy as np
 
 import ce
+from service.record import JobRecord
 from service.report import words
 from service.report.dangerous import Retold
-from service.report.replay import JobRecord
 from service.scenario.base import PER_VEHICLE
 from service.summary import Cost, comparisons, summary_of, variance_reliable
 

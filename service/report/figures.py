@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 import ce
+from service.record import JobRecord
 from service.report import ink
 from service.report.facts import XI_OUTPUTS, xi_shifts_sd
 from service.report.ink import Picture
-from service.report.replay import JobRecord
 from service.report.words import METHOD_NAMES, PARAMETER_NAMES, count, percent, significant
 from service.scenario.base import PER_VEHICLE
 

@@ -9,10 +9,10 @@ import jinja2
 import msgspec
 from markupsafe import Markup
 
+from service.record import JobRecord
 from service.report import drawings, figures, ink, words
 from service.report.dangerous import Retold
 from service.report.ink import Picture
-from service.report.replay import JobRecord
 
 FOLDER = Path(__file__).parent
 SECTIONS = (  # a template each, in this order; the first is the page's head

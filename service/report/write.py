@@ -5,10 +5,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from service.errors import StoreError
+from service.record import replay
 from service.report.dangerous import pick, rerun
 from service.report.facts import facts_of
 from service.report.page import page_of
-from service.report.replay import replay
 from service.store import RunDirectory
 
 DRAWN = 6  # dangerous rollouts in a report

@@ -5,8 +5,9 @@ import re
 
 import numpy as np
 
+from policies.layout import HEAD_SIZE
 from service.errors import ScenarioError
-from service.scenario.schema import Beta, Distribution, Scenario, TruncatedNormal, Vehicle
+from service.scenario.schema import Beta, Distribution, Fixed, Scenario, TruncatedNormal, Vehicle
 from sumo_nets.corridor import Corridor, load_corridor
 from sumo_nets.errors import EdgesError, NetworkError
 
@@ -79,6 +80,8 @@ def check_values(scenario: Scenario, source: str) -> None:
             )
         if not 0.0 < background.speed_mps <= MAX_SPEED_MPS:
             refuse("background.speed_mps", background.speed_mps, f"give above 0 up to {MAX_SPEED_MPS:g} m/s")
+    if scenario.fixed is not None:
+        _check_fixed(scenario, scenario.fixed, refuse)
     _check_overlaps(scenario, source)
 
 
@@ -115,6 +118,10 @@ def check_road(scenario: Scenario, source: str) -> Corridor:
                 vehicle.lane,
                 f"lane {vehicle.lane} does not exist over {station.low:g} to {station.high:g} m",
             )
+    for i, start in enumerate(scenario.fixed.starts if scenario.fixed else ()):
+        if not 0.0 <= start.station_m <= corridor.length_m:
+            key, remedy = f"fixed.starts[{i}].station_m", f"the road goes from 0 to {corridor.length_m:.0f} m"
+            raise ScenarioError(source, key, start.station_m, remedy)
     _check_side_by_side(scenario, source, corridor)
     return corridor
 
@@ -142,6 +149,21 @@ def _check_distribution(dist: Distribution, kind: str, key: str, refuse) -> None
         for end in ("low", "high"):
             if not low <= getattr(dist, end) <= high:
                 refuse(f"{key}.{end}", getattr(dist, end), remedy)
+
+
+def _check_fixed(scenario: Scenario, fixed: Fixed, refuse) -> None:
+    digits = fixed.noise_seed
+    if not re.fullmatch(r"[0-9]{1,20}", digits) or int(digits) >= 2**64:
+        refuse("fixed.noise_seed", digits, "give a whole number from 0 to 2**64 - 1 as text, in quotes")
+    given, wanted = [s.name for s in fixed.starts], [v.name for v in scenario.vehicles]
+    if sorted(given) != sorted(wanted):
+        refuse("fixed.starts", given, f"give one start for each vehicle: {', '.join(wanted)}")
+    for i, start in enumerate(fixed.starts):
+        for key, (low, high, remedy) in PLAUSIBLE.items():
+            if not low <= getattr(start, key) <= high:
+                refuse(f"fixed.starts[{i}].{key}", getattr(start, key), remedy)
+    if len(fixed.driver_weights) != HEAD_SIZE:
+        refuse("fixed.driver_weights", len(fixed.driver_weights), f"give {HEAD_SIZE} numbers")
 
 
 def _check_overlaps(scenario: Scenario, source: str) -> None:

@@ -89,6 +89,28 @@ class Background(_Table, frozen=True):
     speed_mps: float
 
 
+class FixedStart(_Table, frozen=True):
+    """Where a vehicle starts in the fixed rollout."""
+
+    name: str  # of the vehicle
+    station_m: float
+    lane_offset_m: float
+    heading_deg: float
+    speed_mps: float
+
+
+class Fixed(_Table, frozen=True):
+    """One rollout of the scenario, every random value given: what `tailroad rollout FILE` runs. P0 stays as it is."""
+
+    noise_seed: str  # of the action noise, 0 to 2**64 - 1, as text because TOML's integers are shorter
+    starts: tuple[FixedStart, ...]  # one for each vehicle
+    driver_weights: tuple[float, ...]  # xi: the last layer of the driver network that all others share
+    others: dict[str, float] = {}  # what else the scenario draws, by its name in P0
+    ego: str | None = None  # that drove on record; --ego says otherwise
+    f: float | None = None  # on record with that ego
+    weights_sha256: str | None = None  # of the drivers' weights that were used
+
+
 class Scenario(_Table, frozen=True):
     format: int
     name: str
@@ -100,6 +122,7 @@ class Scenario(_Table, frozen=True):
     drivers: Drivers = Drivers()
     safety: Safety = Safety()
     background: Background | None = None
+    fixed: Fixed | None = None
 
     @property
     def steps(self) -> int:

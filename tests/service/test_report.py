@@ -17,10 +17,10 @@ from policies.layout import HEAD_SIZE, HIDDEN_1, HIDDEN_2, OBSERVATION_SIZE
 from service.errors import StoreError
 from service.evaluate import evaluate
 from service.job import Job, Problem, make_job
+from service.record import replay
 from service.report import figures, words, write_report
 from service.report.dangerous import pick, ranked
 from service.report.facts import facts_of
-from service.report.replay import replay
 from service.scenario import Scenario, load_scenario
 from service.store import FAILED, Chunk, RunDirectory
 

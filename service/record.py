@@ -40,8 +40,8 @@ class JobRecord:
     parameters: of the proposal of each batch. estimate_iteration: of the batches that the estimate is made of (a
     method that switches leaves others behind). event_rows, event_log_likelihood: the estimation rollouts with
     f <= gamma, and log p0(x) of each, nats; none for methods that move chains instead of drawing a fresh sample.
-    explicit: x and noise seed of the events and failures of batches that cannot be drawn from parameters alone, by
-    (phase, iteration, row). outcomes: how the recorded rollouts of each phase ended.
+    explicit: x, noise seed and f of the events and failures of batches that cannot be drawn from parameters alone,
+    by (phase, iteration, row). outcomes: how the recorded rollouts of each phase ended.
     """
 
     job: Job
@@ -53,7 +53,7 @@ class JobRecord:
     estimate_iteration: int
     event_rows: np.ndarray
     event_log_likelihood: np.ndarray
-    explicit: dict[tuple[str, int, int], tuple[np.ndarray, int]]
+    explicit: dict[tuple[str, int, int], tuple[np.ndarray, int, float]]
     outcomes: dict[str, Counter[str]]
     errors: tuple[tuple[str, int, int, str], ...]  # phase, iteration, row, reason
     recorded: int
@@ -68,7 +68,7 @@ class JobRecord:
     def redraw(self, phase: str, iteration: int, row: int) -> tuple[np.ndarray, int]:
         """x (d,) and the noise seed of an event or a failure, drawn again just as its batch was."""
         if (phase, iteration, row) in self.explicit:
-            return self.explicit[phase, iteration, row]
+            return self.explicit[phase, iteration, row][:2]
         proposal = self.problem.base.with_parameters(self.parameters[phase, iteration])
         x, noise = ce.draw(proposal, self.problem.stream_seed, phase, iteration, row, row + 1)
         return x[0], int(noise[0])
@@ -99,7 +99,7 @@ def replay(store: RunDirectory, job: Job) -> JobRecord:
     parameters: dict[BatchKey, np.ndarray] = {}
     rows: dict[int, list[np.ndarray]] = {}
     likelihood: dict[int, list[np.ndarray]] = {}
-    explicit: dict[tuple[str, int, int], tuple[np.ndarray, int]] = {}
+    explicit: dict[tuple[str, int, int], tuple[np.ndarray, int, float]] = {}
 
     def run_batch(batch: ce.Batch) -> np.ndarray:
         parameters[batch.phase, batch.iteration] = batch.parameters
@@ -110,6 +110,7 @@ def replay(store: RunDirectory, job: Job) -> JobRecord:
                 explicit[batch.phase, batch.iteration, batch.start + i] = (
                     batch.x[i].copy(),
                     int(batch.noise[i]),
+                    float(f[i]),
                 )
         if batch.phase == "estimate":
             events = np.flatnonzero(f <= job.gamma)

@@ -1,0 +1,1 @@
+"""How the ego fails: dangerous rollouts ranked by likelihood, run once more, grouped into failure modes, exported."""
