@@ -7,7 +7,8 @@ import numpy as np
 import ce
 from service.job import Job
 from service.pool import LocalPool, Work
-from service.store import Chunk, RunDirectory
+from service.store import Chunk, ChunkSource
+from service.tolerance import Tolerance
 
 CHUNK_S = 1.0  # simulated work of a chunk, in seconds of a worker that runs at TYPICAL_SPEED
 TYPICAL_SPEED = 800.0  # simulated seconds a second
@@ -22,15 +23,17 @@ class RecordedBatches:
 
     def __init__(
         self,
-        store: RunDirectory,
+        store: ChunkSource,
         job: Job,
         pool: Callable[[], LocalPool],
         on_chunk: Callable[[Chunk, bool], None] = lambda chunk, replayed: None,
+        tolerance: Tolerance | None = None,
     ):
         self._store = store
         self._job = job
         self._pool = pool  # asked for when there is something to run, so that a replay starts no workers
         self._on_chunk = on_chunk
+        self._tolerance = tolerance or Tolerance()
         rollout_s = job.scenario.time.horizon_s / TYPICAL_SPEED
         self._chunk = int(min(max(CHUNK_S / rollout_s, 1), MAX_CHUNK))
 
@@ -44,10 +47,12 @@ class RecordedBatches:
             first, last = max(chunk.start, batch.start), min(chunk.stop, batch.stop)
             f[first - offset : last - offset] = chunk.f[first - chunk.start : last - chunk.start]
             done[first - offset : last - offset] = True
+            self._tolerance.see(chunk)
             self._on_chunk(chunk, True)
         work = [Work(offset + i, batch.x[i:j], batch.noise[i:j]) for i, j in _gaps(done, self._chunk)]
         if work:
             for chunk in self._pool().run(work):
+                self._tolerance.see(chunk)
                 self._store.append(self._job.id, batch.phase, batch.iteration, chunk)
                 f[chunk.start - offset : chunk.stop - offset] = chunk.f
                 self._on_chunk(chunk, False)

@@ -56,7 +56,7 @@ def run_chunk(simulator: Simulator, work: Work) -> Chunk:
     )
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """Wait for the parent process to end, however it ends, and end too: nobody would read what is run here."""
     parent = multiprocessing.parent_process()
     if parent is not None:
@@ -66,7 +66,7 @@ def _end_with_parent() -> None:
 
 def _open_worker(job: Job) -> None:
     global _simulator
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
     _simulator = Problem(job).simulator()
 

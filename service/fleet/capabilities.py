@@ -1,0 +1,23 @@
+"""What this installation can do, as its workers announce it."""
+
+import os
+import shutil
+import socket
+from importlib.util import find_spec
+
+from policies.egos import ego_names
+from service.fleet.messages import Capabilities
+from service.fleet.versions import versions
+
+
+def capabilities(procs: int) -> Capabilities:
+    """Of a worker with so many processes on this machine."""
+    return Capabilities(
+        procs=procs,
+        egos=tuple(ego_names()),
+        camera=find_spec("cv2") is not None,
+        gpu=shutil.which("nvidia-smi") is not None,
+        versions=versions(),
+        host=socket.gethostname(),
+        pid=os.getpid(),
+    )

@@ -1,0 +1,89 @@
+"""The workers that the scheduler knows, the leases they hold and the questions they wait with."""
+
+from dataclasses import dataclass, field
+
+from service.fleet.messages import Ask, Capabilities, ChunkKey
+
+
+@dataclass(frozen=True)
+class Held:
+    """A lease as its giver remembers it."""
+
+    id: int
+    worker: str
+    slot: int
+    key: ChunkKey
+    audit: bool
+    since: float
+    until: float
+    expected_s: float | None
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """A slot's question that has no answer yet."""
+
+    request: int
+    ask: Ask
+    until: float
+
+
+@dataclass
+class WorkerState:
+    """A worker that has said hello."""
+
+    id: str
+    capabilities: Capabilities
+    since: float
+    leases: set[int] = field(default_factory=set)
+    draws_wrong: bool = False  # its random draws are not the scheduler's: it gets the rows themselves
+    garbled: int = 0
+    chunks: int = 0
+    rollouts: int = 0
+    worker_s: float = 0.0
+
+    def can_run(self, ego: str, camera: bool) -> bool:
+        """Whether it has the ego; egos over the network (`zenoh:NAME`) are anybody's."""
+        known = ego in self.capabilities.egos or ego.startswith("zenoh:")
+        return known and (self.capabilities.camera or not camera)
+
+
+class Workers:
+    """All of them, those in quarantine by name only."""
+
+    def __init__(self, quarantined: dict[str, str]):
+        self.here: dict[str, WorkerState] = {}
+        self.quarantined = dict(quarantined)
+        self.leases: dict[int, Held] = {}
+        self.waiting: dict[tuple[str, int], Waiting] = {}
+        self._last_lease = 0
+
+    @property
+    def slots(self) -> int:
+        return sum(w.capabilities.procs for w in self.here.values())
+
+    def lease(
+        self, slot: Ask, key: ChunkKey, audit: bool, now: float, limit_s: float, expected_s: float | None
+    ) -> Held:
+        """A new lease for a slot."""
+        self._last_lease += 1
+        held = Held(self._last_lease, slot.worker, slot.slot, key, audit, now, now + limit_s, expected_s)
+        self.leases[held.id] = held
+        self.here[slot.worker].leases.add(held.id)
+        return held
+
+    def release(self, lease: int, worker: str | None = None) -> Held | None:
+        """Take a lease back, where it is there and (if given) that worker's."""
+        held = self.leases.get(lease)
+        if held is None or (worker is not None and held.worker != worker):
+            return None
+        del self.leases[lease]
+        if held.worker in self.here:
+            self.here[held.worker].leases.discard(lease)
+        return held
+
+    def of_slot(self, worker: str, slot: int) -> list[int]:
+        return [i for i in self.here[worker].leases if self.leases[i].slot == slot]
+
+    def expired(self, now: float) -> list[int]:
+        return [held.id for held in self.leases.values() if held.until <= now]

@@ -1,0 +1,95 @@
+"""A chunk: the finished rollouts of consecutive rows of a batch."""
+
+import hashlib
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+import numpy as np
+
+FAILED = 255  # outcome code of a rollout that ended in an error
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """The finished rollouts of rows [start, stop) of a batch."""
+
+    start: int
+    stop: int
+    f: np.ndarray  # (n,) float64, NaN = failed
+    outcomes: np.ndarray  # (n,) uint8
+    steps: np.ndarray  # (n,) int32
+    errors: dict[int, str]  # by row, counted from `start`
+    worker_s: float
+
+    def fingerprint(self) -> bytes:
+        """Of everything that decides an estimate: two workers that ran the same rows must agree on it to the bit."""
+        digest = hashlib.blake2b(digest_size=16)
+        digest.update(self.f.astype("<f8").tobytes())
+        digest.update(self.outcomes.astype(np.uint8).tobytes())
+        digest.update(self.steps.astype("<i4").tobytes())
+        digest.update(repr(sorted(self.errors)).encode())
+        return digest.digest()
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a chunk comes from.
+
+    digest: of the rows' x and noise seeds, "" where it was not written down; worker: who ran it; epoch: how often
+    chunks of its job had been voided before.
+    """
+
+    digest: str = ""
+    worker: str = ""
+    epoch: int = 0
+
+
+HERE = Origin()  # run by this process or its own workers, for a run directory
+
+
+def row_of(job: str, phase: str, iteration: int, chunk: Chunk, origin: Origin = HERE) -> dict[str, Any]:
+    """A chunk as a row of the table `chunks`."""
+    return {
+        "job": job,
+        "phase": phase,
+        "iteration": iteration,
+        "start": chunk.start,
+        "epoch": origin.epoch,
+        "stop": chunk.stop,
+        "f": chunk.f.astype("<f8").tobytes(),
+        "outcomes": chunk.outcomes.astype(np.uint8).tobytes(),
+        "steps": chunk.steps.astype("<i4").tobytes(),
+        "errors": msgspec.json.encode({str(k): v for k, v in chunk.errors.items()}).decode(),
+        "worker_s": chunk.worker_s,
+        "digest": origin.digest,
+        "worker": origin.worker,
+    }
+
+
+def chunk_of(row: Any) -> Chunk:
+    """A row of the table `chunks` as a chunk."""
+    errors = msgspec.json.decode(row.errors, type=dict[str, str])
+    return Chunk(
+        row.start,
+        row.stop,
+        np.frombuffer(row.f, "<f8"),
+        np.frombuffer(row.outcomes, np.uint8),
+        np.frombuffer(row.steps, "<i4"),
+        {int(k): v for k, v in errors.items()},
+        row.worker_s,
+    )
+
+
+def failed_chunk(start: int, stop: int, reason: str) -> Chunk:
+    """Rows that could not be run."""
+    n = stop - start
+    return Chunk(
+        start,
+        stop,
+        np.full(n, np.nan),
+        np.full(n, FAILED, np.uint8),
+        np.zeros(n, np.int32),
+        dict.fromkeys(range(n), reason),
+        0.0,
+    )

@@ -1,0 +1,1 @@
+"""Versions of the record's schema, for Alembic."""
