@@ -10,6 +10,7 @@ from service.evaluate import Observe, evaluate
 from service.job import Job, Problem
 from service.pool import LocalPool
 from service.store import Chunk, RunDirectory
+from service.tolerance import Tolerance
 
 
 @dataclass(frozen=True)
@@ -44,11 +45,16 @@ class LazyPool:
             self._pool.__exit__(kind, error, trace)
 
 
-def run_job(store: RunDirectory, job: Job, workers: int, watcher: Watcher) -> ce.Estimate:
-    """Run one job of the run to its end, from wherever it stands."""
+def run_job(
+    store: RunDirectory, job: Job, workers: int, watcher: Watcher, max_failed: float = 1.0
+) -> ce.Estimate:
+    """Run one job of the run to its end, from wherever it stands.
+
+    max_failed: TooManyFailures where a larger share of its rollouts fails.
+    """
     problem = Problem(job)
     algorithm = problem.algorithm
     watcher.on_job(job, algorithm.total_rollouts)
     with LazyPool(job, workers) as pool:
-        run_batch = RecordedBatches(store, job, pool, watcher.on_chunk)
+        run_batch = RecordedBatches(store, job, pool, watcher.on_chunk, Tolerance(max_failed))
         return evaluate(algorithm, problem.stream_seed, run_batch, watcher.on_record)

@@ -5,6 +5,7 @@ TailroadError                 everything that a user can put right; its text say
 │   └── ScenarioError         a scenario file: names the file, the key and the value
 ├── SimulationError           the world cannot run: SUMO refused, or a second simulation in one process
 ├── EgoError                  the ego policy failed or answered nonsense (recorded with the rollout)
+├── TooManyFailures           more rollouts failed than the job tolerates
 ├── StoreError                a run directory that is not one, is damaged, or belongs to another job
 └── WorkerError               no worker process can start
 """
@@ -36,6 +37,10 @@ class SimulationError(TailroadError):
 
 class EgoError(TailroadError):
     """The ego policy failed or answered nonsense."""
+
+
+class TooManyFailures(TailroadError):
+    """More rollouts failed than the job tolerates."""
 
 
 class StoreError(TailroadError):

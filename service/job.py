@@ -10,7 +10,7 @@ import msgspec
 
 import ce
 from policies.drivers import DriverModel, load_drivers
-from policies.egos import load_ego
+from service.egos.open import check_ego, open_ego
 from service.errors import InputError, StoreError
 from service.scenario.base import base_distribution
 from service.scenario.check import check_road
@@ -55,7 +55,7 @@ def make_job(
         seed=seed,
         weights_sha256=_weights_digest(load_drivers(scenario.drivers.weights)),
     )
-    load_ego(ego)
+    check_ego(ego)
     ce.algorithm(method, _TINY_BASE, gamma, _options(method, options))
     return job
 
@@ -100,7 +100,8 @@ class Problem:
 
     def simulator(self, fcd: Path | None = None) -> Simulator:
         """A simulator of this job's rollouts, for this process."""
-        return Simulator(self.job.scenario, self.corridor, self.drivers, load_ego(self.job.ego), fcd=fcd)
+        ego = open_ego(self.job.ego, self.job.scenario, self.corridor)
+        return Simulator(self.job.scenario, self.corridor, self.drivers, ego, fcd=fcd)
 
 
 def _options(method: str, options: dict[str, Any]) -> Any:

@@ -10,16 +10,22 @@ import numpy as np
 class Observation:
     """What the ego perceives at one step.
 
-    `vector` (51,) is laid out as `policies.layout` says. It belongs to the world and is overwritten by the next
-    step: a policy that remembers it must copy it.
+    `vector` (51,) is laid out as `policies.layout` says; `row`, the ego's row of the world's state, has the columns of
+    `service.agents`; `frame` (height, width, 3) uint8 RGB is the camera's picture, for egos whose `wants_camera` is
+    true. All belong to the world and are overwritten by the next step: a policy that remembers them must copy them.
     """
 
     vector: np.ndarray
     time_s: float
+    row: np.ndarray | None = None
+    frame: np.ndarray | None = None
 
 
 class EgoPolicy(Protocol):
-    """A driving policy under test."""
+    """A driving policy under test. One that has the attribute `wants_camera = True` is given pictures.
+
+    What it holds outside this process, it gives back in `close()`, where it has that method.
+    """
 
     name: str
 

@@ -13,9 +13,11 @@ from rich.table import Table
 
 import ce
 from service.campaign import Watcher, run_job
+from service.cli.ego_options import ego_option
 from service.cli.main import INTERRUPTED
-from service.cli.options import core_count, ego_option, finite, json_option, seed_option, workers_option
+from service.cli.options import core_count, finite, json_option, seed_option, workers_option
 from service.cli.progress import progress_bar, stderr
+from service.egos.open import meet_ego
 from service.errors import InputError
 from service.job import Job, make_job
 from service.scenario import load_scenario
@@ -61,6 +63,8 @@ NOT_PRECISE = 3
               "[default: runs/SCENARIO-EGO-TIME]")  # fmt: skip
 @click.option("--resume", type=click.Path(exists=True, file_okay=False, path_type=Path),
               help="Continue the run in this directory; its own settings hold.")  # fmt: skip
+@click.option("--max-failed", type=click.FloatRange(0, 1), callback=finite, default=0.1, show_default=True,
+              help="Stop when more than this share of the rollouts fails; 0: at the first, 1: never.")  # fmt: skip
 @click.option("--report/--no-report", "with_report", default=True, help="Write the HTML report at the end.")
 @json_option()
 def command(
@@ -81,6 +85,7 @@ def command(
     seed: int,
     out: Path | None,
     resume: Path | None,
+    max_failed: float,
     with_report: bool,
     as_json: bool,
 ) -> None:
@@ -107,16 +112,17 @@ def command(
             "max_kl": max_kl,
         }
         loaded = load_scenario(name)
-        check_road(loaded, name)
+        corridor = check_road(loaded, name)
         jobs = []
         for method in dict.fromkeys(methods or ("ce",)):
             options: dict[str, Any] = dict(common)
             if method == "ce":
                 options |= {k: v for k, v in search.items() if v is not None}
             jobs.append(make_job(loaded, ego, gamma, method, seed, options))
+        meet_ego(ego, loaded, corridor)
         store = RunDirectory.create(out or _default_folder(loaded.name, ego), tuple(jobs))
     with store:
-        code = _run(store, workers or core_count(), with_report, as_json)
+        code = _run(store, workers or core_count(), max_failed, with_report, as_json)
     sys.exit(code)
 
 
@@ -124,13 +130,13 @@ def _default_folder(scenario: str, ego: str) -> Path:
     return Path("runs") / f"{scenario}-{ego}-{datetime.now():%Y%m%d-%H%M%S}"
 
 
-def _run(store: RunDirectory, workers: int, with_report: bool, as_json: bool) -> int:
+def _run(store: RunDirectory, workers: int, max_failed: float, with_report: bool, as_json: bool) -> int:
     estimates: dict[str, ce.Estimate] = {}
     costs: dict[str, Cost] = {}
     try:
         for job in store.jobs:
             costs[job.id] = Cost(workers)
-            estimates[job.id] = _run_one(store, job, workers, costs[job.id])
+            estimates[job.id] = _run_one(store, job, workers, max_failed, costs[job.id])
     except KeyboardInterrupt:
         stderr.print(
             f"\nInterrupted; what was run is kept. Continue with: tailroad estimate --resume {store.path}"
@@ -153,7 +159,7 @@ def _run(store: RunDirectory, workers: int, with_report: bool, as_json: bool) ->
     return NOT_PRECISE if missed else 0
 
 
-def _run_one(store: RunDirectory, job: Job, workers: int, cost: Cost) -> ce.Estimate:
+def _run_one(store: RunDirectory, job: Job, workers: int, max_failed: float, cost: Cost) -> ce.Estimate:
     began = time.perf_counter()
     with progress_bar() as bar:
         task = bar.add_task(f"{job.method}: starting {workers} workers", total=None, note="")
@@ -177,7 +183,7 @@ def _run_one(store: RunDirectory, job: Job, workers: int, cost: Cost) -> ce.Esti
                 note = f"p = {record.p:.3g} [{record.low:.2g}, {record.high:.2g}]"
             bar.update(task, note=note)
 
-        estimate = run_job(store, job, workers, Watcher(on_job, on_chunk, on_record))
+        estimate = run_job(store, job, workers, Watcher(on_job, on_chunk, on_record), max_failed)
     cost.wall_s = time.perf_counter() - began
     return estimate
 

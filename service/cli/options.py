@@ -6,20 +6,9 @@ from typing import Any
 
 import click
 
-from policies.egos import ego_names
 from service.errors import InputError
 
 MAX_SEED = 2**63 - 1
-
-
-def ego_option(default: str = "lidar") -> Callable:
-    return click.option(
-        "--ego",
-        type=click.Choice(ego_names()),
-        default=default,
-        show_default=True,
-        help="The driving policy under test.",
-    )
 
 
 def seed_option() -> Callable:

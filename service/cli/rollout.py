@@ -7,7 +7,8 @@ import click
 
 import ce
 from service import agents as A
-from service.cli.options import ego_option, json_option, require_folder, seed_option
+from service.cli.ego_options import ego_option
+from service.cli.options import json_option, require_folder, seed_option
 from service.errors import SimulationError
 from service.job import Problem, make_job
 from service.scenario import load_scenario

@@ -101,6 +101,8 @@ class Simulator:
 
     def close(self) -> None:
         self._sumo.close()
+        if (leave := getattr(self._ego, "close", None)) is not None:
+            leave()
 
     def run(self, x: np.ndarray, noise: int | np.ndarray, observer: Observer | None = None) -> Rollout:
         """The rollout of `x` (d,) with action noise from a seed, or given as normals (steps, vehicles, 2).
@@ -136,7 +138,7 @@ class Simulator:
             world.count = sumo.read_background(world.agents, world.vehicles)
             status, ttc = world.observe()
 
-        observation = Observation(world.observations[world.ego], 0.0)
+        observation = Observation(world.observations[world.ego], 0.0, world.agents[world.ego])
         f = ttc
         k = 0
         while status == step.RUNNING and k < self._steps:

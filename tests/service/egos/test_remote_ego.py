@@ -1,0 +1,189 @@
+"""Black-box egos in a process of their own over TCP: the same bits as in process, and every way to fail."""
+
+from __future__ import annotations
+
+import math
+import threading
+
+import pytest
+
+import ce
+from policies.drivers import DriverModel
+from policies.egos import EgoPolicy
+from policies.egos.idm import IdmEgo
+from service.egos.open import meet_ego, open_ego
+from service.egos.sdk import Service
+from service.egos.settings import EgoSettings
+from service.errors import EgoError, InputError
+from service.scenario import Scenario
+from service.scenario.base import base_distribution
+from service.sim.rollout import Rollout, Simulator
+
+PATIENT = (
+    120.0  # on a busy machine a process may take long to start; nobody waits that long for one that is there
+)
+
+
+@pytest.fixture
+def scenario(make_scenario) -> Scenario:
+    return make_scenario({"horizon_s = 10.0": "horizon_s = 2.0"})
+
+
+@pytest.fixture
+def rollouts(scenario, i80, drivers: DriverModel):
+    """rollouts(ego, n): the first n rollouts of the scenario with that ego."""
+    x, noise = ce.draw(base_distribution(scenario, drivers), 3, "estimate", 0, 0, 16)
+
+    def run(ego: EgoPolicy, n: int) -> list[Rollout]:
+        with Simulator(scenario, i80, drivers, ego) as simulator:
+            return [simulator.run(row, int(seed)) for row, seed in zip(x[:n], noise[:n], strict=True)]
+
+    return run
+
+
+@pytest.fixture
+def remote(scenario, i80, address):
+    """remote(name, deadline_s): the ego `zenoh:NAME` at the test's address."""
+
+    def connect(name: str, deadline_s: float = PATIENT, patience_s: float = PATIENT) -> EgoPolicy:
+        settings = EgoSettings(address=address, deadline_s=deadline_s, patience_s=patience_s)
+        return open_ego(f"zenoh:{name}", scenario, i80, settings)
+
+    return connect
+
+
+def test_an_ego_served_in_its_own_process_gives_the_bits_of_the_same_ego_in_process(
+    start_service, address, remote, rollouts
+):
+    start_service(f"from policies.egos.idm import IdmEgo\nserve(IdmEgo, 'idm', listen={address!r})")
+    expected = rollouts(IdmEgo(), 8)
+    assert rollouts(remote("idm"), 8) == expected
+    assert all(r.error is None for r in expected)
+
+
+REASONS = {  # how the ego of a rollout answers its fourth observation: what is recorded
+    "nan": "acceleration_mps2 is nan",
+    "infinite": "turn_rate_radps is inf",
+    "too much": "turn_rate_radps is -1e+06, beyond 10 either way",
+    "text": "the policy answered ('a', 'b')",
+    "nothing": "the policy answered None",
+    "throttle": "throttle is -2, beyond 1 either way",
+    "raises": "RuntimeError: sensor lost",
+    "dead": "ego service 'broken' is gone",
+}
+BROKEN = """
+import os, threading
+HOW = {hows!r}
+class Broken:
+    rollouts = 0
+    def reset(self, seed):
+        self.how, self.steps = HOW[self.rollouts // 2] if self.rollouts % 2 else "good", 0
+        self.rollouts += 1
+    def act(self, seen):
+        self.steps += 1
+        if self.steps <= 3 or self.how == "good":
+            return 0.0, 0.0
+        if self.how == "late":
+            threading.Event().wait()
+        if self.how == "dead":
+            os._exit(1)
+        if self.how == "raises":
+            raise RuntimeError("sensor lost")
+        answers = (float("nan"), 0.0), (0.0, float("inf")), (0.0, -1e6), ("a", "b"), None, Pedals(0.0, -2.0)
+        return answers[HOW.index(self.how)]
+serve(Broken, "broken", listen={address!r})
+"""
+
+
+class Straight:
+    name = "straight"
+
+    def reset(self, seed: int) -> None:
+        pass
+
+    def act(self, observation) -> tuple[float, float]:
+        return 0.0, 0.0
+
+
+def test_an_ego_that_fails_makes_its_rollouts_recorded_errors_and_the_others_go_on(
+    start_service, address, remote, rollouts
+):
+    """Every second rollout is driven well, and has the bits of the same ego in process."""
+    start_service(BROKEN.format(hows=list(REASONS), address=address))
+    found = rollouts(remote("broken"), 2 * len(REASONS))
+    assert found[::2] == rollouts(Straight(), 2 * len(REASONS))[::2]
+    for failed, reason in zip(found[1::2], REASONS.values(), strict=True):
+        assert failed.outcome == "error"
+        assert math.isnan(failed.f)
+        assert failed.error is not None
+        assert failed.error.startswith("EgoError: ")
+        assert reason in failed.error
+
+
+def test_a_late_answer_makes_the_rollout_a_recorded_error(start_service, address, remote, rollouts):
+    start_service(BROKEN.format(hows=["late"], address=address))
+    good, late = rollouts(remote("broken", deadline_s=2.0), 2)
+    assert good.error is None
+    assert late.error == "EgoError: no answer of ego service 'broken' within its deadline of 2 s"
+
+
+def test_after_a_service_came_back_rollouts_go_on(start_service, address, remote, rollouts):
+    code = f"from policies.egos.idm import IdmEgo\nserve(IdmEgo, 'idm', listen={address!r})"
+    first = start_service(code)
+    expected = rollouts(IdmEgo(), 2)
+
+    class Killing:
+        """Kills the service in the first rollout, and starts it again before the second."""
+
+        name = "killing"
+        resets = 0
+        ego = remote("idm")
+
+        def reset(self, seed: int) -> None:
+            if self.resets == 1:
+                start_service(code)
+            self.ego.reset(seed)
+            self.resets += 1
+            if self.resets == 1:
+                first.kill()
+                first.wait()
+
+        def act(self, observation):
+            return self.ego.act(observation)
+
+    failed, good = rollouts(Killing(), 2)
+    assert "is gone" in failed.error
+    assert good == expected[1]
+    Killing.ego.close()
+
+
+def test_services_of_one_name_share_the_workers(address, remote, scenario, i80):
+    """Two services meet at one address: each new worker is served by the one with fewer workers."""
+    with (
+        Service(IdmEgo, "idm", listen=address) as first,
+        Service(IdmEgo, "idm", listen=None, connect=address) as second,
+    ):
+        threads = [threading.Thread(target=service.run) for service in (first, second)]
+        for thread in threads:
+            thread.start()
+        egos = []
+        while len({ego.greet().instance for ego in egos}) < 2:
+            assert len(egos) < 200, "the second service is never taken"
+            egos.append(remote("idm"))
+            egos[-1].reset(1)
+        for ego in egos:
+            ego.close()
+    for thread in threads:
+        thread.join()
+
+
+def test_a_missing_service_is_told_before_a_job_begins(scenario, i80, address, monkeypatch):
+    for name, value in EgoSettings(address=address, patience_s=0.2).as_environment().items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(EgoError, match=f"no ego service and no Zenoh router can be reached at {address}"):
+        meet_ego("zenoh:nobody", scenario, i80)
+    told = pytest.raises(EgoError, match=f"there is no ego service 'nobody' at {address}")
+    with Service(IdmEgo, "somebody", listen=address), told:
+        meet_ego("zenoh:nobody", scenario, i80)
+    with pytest.raises(InputError, match="not one that this process may import"):
+        meet_ego("os:system", scenario, i80)
