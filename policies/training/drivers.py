@@ -101,7 +101,7 @@ def main() -> None:
             lambda: train_trunk(arguments, recorded, perturbed, expert, road, visit_rng, train_rng, progress),
         )
         network = exported(net, aggregated.seen)
-        experts, members, shapes = stages.get(
+        experts, members, shapes, _ = stages.get(
             "members",
             lambda: train_members(
                 arguments,
@@ -206,8 +206,10 @@ def mixture(arguments: Arguments, recorded: Rows, perturbed: Rows, aggregated: R
     return seen, action, sd, np.concatenate(weight)
 
 
-def train_trunk(arguments, recorded, perturbed, expert, road, visit_rng, train_rng, progress):
-    """The network trained on everything, and the aggregated rows."""
+def train_trunk(
+    arguments, recorded, perturbed, expert, road, visit_rng, train_rng, progress, *, seconds=60.0, every=12
+):
+    """The network trained on everything, and the aggregated rows: every `every`-th state of rollouts of `seconds`."""
     learn = recorded.where(~recorded.held_out)
     wide = np.concatenate([learn.seen, perturbed.seen])
     settings = {"batch": arguments.batch, "dropout": arguments.dropout, "decay": arguments.decay}
@@ -219,7 +221,8 @@ def train_trunk(arguments, recorded, perturbed, expert, road, visit_rng, train_r
         label = f"round {turn} of {arguments.rounds}"
         train(net, seen, action, sd, weight, steps, train_rng, **settings, progress=progress, label=label)
         if turn < arguments.rounds:
-            new = visited(exported(net, seen[-20000:]), road, arguments.rollouts, visit_rng)
+            driven = exported(net, seen[-20000:])
+            new = visited(driven, road, arguments.rollouts, visit_rng, seconds=seconds, every=every)
             aggregated = new if aggregated is None else joined([aggregated, new])
             if turn == 0:  # inputs of the scenario lie outside the recordings' range: standardise for both
                 net = DriverNet(*input_statistics(np.concatenate([wide, new.seen])))
@@ -232,8 +235,8 @@ def train_trunk(arguments, recorded, perturbed, expert, road, visit_rng, train_r
 def train_members(
     arguments, network, recorded, perturbed, aggregated, expert, found, expert_rng, member_rng, progress
 ):
-    """Experts and heads (members, 404), each from a resample of whole trajectories and of the expert's evidence; and
-    the shapes of the heads' covariance."""
+    """Experts and heads (members, 404), each from a resample of whole trajectories and of the expert's evidence; the
+    shapes of the heads' covariance; and the head (404,) of all trajectories, not resampled."""
     learn = recorded.where(~recorded.held_out)
     parts = [learn, perturbed, aggregated]
     shares = [arguments.recorded_share, arguments.perturbed_share]
@@ -282,7 +285,7 @@ def train_members(
         members.append(head)
         progress.update(task, advance=1)
     progress.remove_task(task)
-    return experts, np.array(members), sampling_covariances(everything, base, common, arguments.ridge)
+    return experts, np.array(members), sampling_covariances(everything, base, common, arguments.ridge), common
 
 
 def measure(arguments, draw, centre, road, found, recorded, aggregated, xi_rng, check_rng, progress) -> dict:
@@ -399,6 +402,10 @@ class Stages:
         part.write_bytes(pickle.dumps(value))
         part.replace(path)
         return value
+
+    def path(self, name: str, suffix: str) -> Path:
+        """Where a stage may keep a checkpoint of its own."""
+        return self._folder / f"{name}{suffix}"
 
     def clear(self) -> None:
         for path in self._folder.glob("*"):

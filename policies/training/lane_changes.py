@@ -10,8 +10,8 @@ enough. So with o the offset and u the lateral speed towards a side,
 
 is nearly bistable: below the threshold a driver keeps its lane, above it is drawn into the next one and settles there.
 White lateral noise that grows towards the threshold starts changes now and then; a slower leader lowers the threshold.
-A side is clear where a lane goes on there and the lidar shows the gaps that recorded drivers accepted. A side that stops
-being clear ends the change, also halfway.
+A side is clear where a lane goes on there and the lidar shows the gaps that recorded drivers accepted. One that stops
+being clear ends the change, also halfway, and nobody comes closer to a vehicle abreast than they must.
 
 The numbers below were chosen such that simulated drivers agree with the recordings in changes per vehicle-km, spread
 within the lane, peak lateral speed and the probabilities above (deploy/decisions/0011-lane-changes.md has the table).
@@ -30,6 +30,7 @@ SETTLED_BEHIND_M = (
 )
 FOLLOWING_S = 2.5  # a leader closer than this
 CLEARANCE_SOFTNESS_M = 0.7
+ABREAST = range(3, 8)  # beams at 54 to 126 degrees
 MOVING_MPS = 3.0  # nobody changes lanes standing
 
 
@@ -43,7 +44,7 @@ class ChangingExpert(Expert):
     offset_gain_per_s: float = 0.4
     cruise_mps: float = 0.9
     settling_s: float = 1.0
-    noise_strength: float = 0.07  # m/s^1.5
+    noise_strength: float = 0.052  # m/s^1.5
     noise_growth: float = 2.5  # at the threshold, with a clear side
     threshold_behind_slower: float = 0.8  # factor
     front_gap_m: float = 2.5
@@ -51,13 +52,26 @@ class ChangingExpert(Expert):
     rear_gap_m: float = 3.0
     rear_headway_s: float = 0.3
     closing_s: float = 1.5  # more gap for each m/s of closing speed
+    elbow_room_m: float = 0.9  # side to side; people in the middle of lanes have 1.8 m
+    evasion_mps2: float = 1.5
 
     def lateral_acceleration(self, seen: np.ndarray) -> np.ndarray:
         u = lateral_speed(seen)
         total = super().lateral_acceleration(seen)
         for side, share in self._switches(seen):
             total = (1.0 - share) * total + share * (side * self.cruise_mps - u) / self.settling_s
-        return total
+        return total + self.away_from_neighbours(seen)
+
+    def away_from_neighbours(self, seen: np.ndarray) -> np.ndarray:
+        """Lateral acceleration (n,) away from vehicles that are abreast and closer than `elbow_room_m`, in m/s^2."""
+        push = np.zeros(len(seen))
+        for side in (1, -1):
+            beams = np.arange(ABREAST.start, ABREAST.stop)
+            across = np.sin(2.0 * np.pi * beams / O.BEAMS)
+            distance = seen[:, O.RANGE_M + (beams if side > 0 else O.BEAMS - beams)].astype(np.float64)
+            room = (distance * across).min(axis=1) - 0.5 * seen[:, O.WIDTH_M]
+            push -= side * self.evasion_mps2 * np.clip(1.0 - room / self.elbow_room_m, 0.0, 1.0)
+        return push
 
     def lateral_noise(self, seen: np.ndarray) -> np.ndarray:
         moved = lateral_speed(seen) + self.offset_gain_per_s * seen[:, O.LANE_OFFSET_M]

@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -73,6 +74,14 @@ class Place(NamedTuple):
     right_lane: Tensor
     to_left_edge: Tensor  # from the vehicle's centre to the outermost marking, m; negative off the road
     to_right_edge: Tensor
+
+
+def state_of(
+    values: np.ndarray, present: np.ndarray, station: np.ndarray, dtype: torch.dtype = torch.float32
+) -> State:
+    """Vehicles (B, N) from values (B, N, 6): x, y, heading, speed, length, width; see State."""
+    x, y, heading, speed, length, width = torch.as_tensor(values, dtype=dtype).unbind(dim=-1)
+    return State(x, y, heading, speed, length, width, torch.as_tensor(present), torch.as_tensor(station))
 
 
 def torch_road(road: Road, dtype: torch.dtype = torch.float32) -> TorchRoad:

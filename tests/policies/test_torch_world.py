@@ -6,7 +6,7 @@ import torch
 
 from policies import layout as O
 from policies.training.aggregation import winding_road
-from policies.training.torch_world import State, advance, observe, torch_road
+from policies.training.torch_world import State, advance, observe, state_of, torch_road
 from policies.training.world import BEAM_TABLE, i80_road, standard_starts
 from service import agents as A
 from service.sim import step
@@ -20,12 +20,11 @@ def starts(road, rollouts: int, wide: bool, seed: int = 3) -> np.ndarray:
     return np.stack([standard_starts(rng, road, VEHICLES, wide) for _ in range(rollouts)])
 
 
-def state_of(agents: np.ndarray, controlled: int = VEHICLES) -> State:
+def tensors(agents: np.ndarray, controlled: int = VEHICLES) -> State:
     """The batch's vehicles (B, N, columns) as a State in double precision."""
     columns = (A.X_M, A.Y_M, A.HEADING_RAD, A.SPEED_MPS, A.LENGTH_M, A.WIDTH_M)
-    values = [torch.as_tensor(agents[..., c].copy()) for c in columns]
-    present = torch.as_tensor(agents[..., A.ACTIVE] > 0)
-    return State(*values, present, torch.as_tensor(agents[:, :controlled, A.STATION]).long())
+    station = agents[:, :controlled, A.STATION].astype(np.int64)
+    return state_of(agents[..., columns], agents[..., A.ACTIVE] > 0, station, torch.float64)
 
 
 def seen_by_kernels(agents: np.ndarray, road) -> np.ndarray:
@@ -43,7 +42,7 @@ def seen_by_kernels(agents: np.ndarray, road) -> np.ndarray:
 def test_both_worlds_see_and_move_the_same(name, wide):
     road = i80_road() if name == "i80" else winding_road(np.random.default_rng(1))
     agents = starts(road, 12, wide)
-    state, tables = state_of(agents), torch_road(road, torch.float64)
+    state, tables = tensors(agents), torch_road(road, torch.float64)
     rng = np.random.default_rng(4)
     for _ in range(40):
         action = rng.normal(0.0, [2.5, 0.02], (len(agents), VEHICLES, 2))
@@ -63,7 +62,7 @@ def test_both_worlds_see_and_move_the_same(name, wide):
 def test_lanes_beside_are_told_apart():
     road = i80_road()
     agents = starts(road, 1, wide=False)
-    seen, _, _ = observe(state_of(agents), torch_road(road, torch.float64))
+    seen, _, _ = observe(tensors(agents), torch_road(road, torch.float64))
     beside = seen[0, :, O.LANE_TO_THE_LEFT : O.LANE_TO_THE_RIGHT + 1].tolist()
     assert beside == [[0, 1], [1, 1], [1, 1], [1, 1], [1, 1], [1, 0]]
 
@@ -71,7 +70,7 @@ def test_lanes_beside_are_told_apart():
 def test_replayed_vehicles_follow_their_recording():
     road = i80_road()
     agents = starts(road, 2, wide=False)
-    state, tables = state_of(agents, controlled=4), torch_road(road, torch.float64)
+    state, tables = tensors(agents, controlled=4), torch_road(road, torch.float64)
     others = torch.full((2, 2, 4), float("nan"), dtype=torch.float64)
     others[0, 1] = torch.tensor([1.0, 2.0, 0.3, 4.0])
     _, place, _ = observe(state, tables)
@@ -85,7 +84,7 @@ def test_replayed_vehicles_follow_their_recording():
 def test_gradients_agree_with_finite_differences():
     """Of a smooth function of everything observed over eight steps, with respect to all actions."""
     road = i80_road()
-    state, tables = state_of(starts(road, 2, wide=False)), torch_road(road, torch.float64)
+    state, tables = tensors(starts(road, 2, wide=False)), torch_road(road, torch.float64)
     rng = np.random.default_rng(5)
     weight = torch.as_tensor(rng.normal(size=(8, 2, VEHICLES, O.OBSERVATION_SIZE)))
     weight[..., O.LANE_TO_THE_LEFT : O.INCIDENT + 1] = 0.0
