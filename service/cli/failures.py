@@ -13,7 +13,7 @@ from service.cli.runs import method_option, open_record, run_argument
 from service.failures.events import ORDERS, Order
 from service.failures.find import EXAMINED, failures_of
 from service.failures.objects import Failures
-from service.report.words import significant
+from service.wording import significant
 
 
 @click.command()

@@ -12,8 +12,8 @@ from service.failures.events import ORDERS, Order, events_of
 from service.failures.find import told
 from service.failures.rerun import look
 from service.failures.scenario_file import scenario_text
-from service.report.words import significant
 from service.trace import write_table
+from service.wording import significant
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 

@@ -11,8 +11,8 @@ from service import agents as A
 from service.report import ink
 from service.report.dangerous import Retold
 from service.report.ink import Picture
-from service.report.words import significant
 from service.trace import Trace
+from service.wording import significant
 from sumo_nets.corridor import Corridor
 
 WHOLE_S = 20.0  # a longer rollout is drawn around its smallest time to collision only

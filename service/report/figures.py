@@ -10,8 +10,9 @@ from service.record import JobRecord
 from service.report import ink
 from service.report.facts import XI_OUTPUTS, xi_shifts_sd
 from service.report.ink import Picture
-from service.report.words import METHOD_NAMES, PARAMETER_NAMES, count, percent, significant
+from service.report.words import METHOD_NAMES, PARAMETER_NAMES
 from service.scenario.base import PER_VEHICLE
+from service.wording import count, percent, significant
 
 Facts = dict[str, Any]
 DECADES = 8  # a logarithmic axis of probabilities is not longer, whatever a stray estimate says

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from service.report.words import significant
+from service.wording import significant
 
 # Okabe and Ito's colours, which people with any colour vision tell apart; line styles differ too.
 COLOURS = {"naive": "#0072B2", "ce": "#D55E00", "mixture": "#009E73"}

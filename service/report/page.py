@@ -9,8 +9,9 @@ import jinja2
 import msgspec
 from markupsafe import Markup
 
+from service import wording
 from service.record import JobRecord
-from service.report import drawings, figures, ink, words
+from service.report import drawings, figures, ink
 from service.report.dangerous import Retold
 from service.report.ink import Picture
 
@@ -37,12 +38,12 @@ def page_of(facts: dict[str, Any], records: Sequence[JobRecord], retold: Sequenc
         lstrip_blocks=True,
     )
     environment.filters |= {
-        "significant": words.significant,
-        "count": words.count,
-        "percent": words.percent,
-        "level": words.level,
-        "factor": words.factor,
-        "duration": words.duration,
+        "significant": wording.significant,
+        "count": wording.count,
+        "percent": wording.percent,
+        "level": wording.level,
+        "factor": wording.factor,
+        "duration": wording.duration,
         "colour": ink.colour,
         "exact": _exact,
     }

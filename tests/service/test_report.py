@@ -14,6 +14,7 @@ import pytest
 import ce
 from policies.drivers import load_drivers, save_drivers
 from policies.layout import HEAD_SIZE, HIDDEN_1, HIDDEN_2, OBSERVATION_SIZE
+from service import wording
 from service.errors import StoreError
 from service.evaluate import evaluate
 from service.job import Job, Problem, make_job
@@ -171,9 +172,9 @@ def test_the_page_says_the_estimates_of_the_json(run):
         assert (job["p"], job["std_error"], tuple(job["ci"])) == (estimate.p, estimate.std_error, estimate.ci)
         for value in (job["p"], job["std_error"], *job["ci"], job["ess"], job["rollouts"]["total"]):
             assert value in page.data
-        assert words.significant(job["p"]) in page.words
+        assert wording.significant(job["p"]) in page.words
     head = facts["headline"]
-    assert f"p = {words.significant(head['p'])}" in page.words
+    assert f"p = {wording.significant(head['p'])}" in page.words
     assert head["answer_interval"] in page.words
 
 
@@ -347,13 +348,13 @@ def test_a_folder_that_cannot_be_written_is_an_error_that_says_so(run, tmp_path)
     ],
 )
 def test_numbers_have_sensible_digits(value, said):
-    assert words.significant(value) == said
+    assert wording.significant(value) == said
 
 
 def test_probabilities_in_words():
-    assert words.one_in(1.19e-5) == "one in 84,000"
-    assert words.one_in(0.474) == "47 in 100"
-    assert words.duration(7322) == "2 h 2 min"
+    assert wording.one_in(1.19e-5) == "one in 84,000"
+    assert wording.one_in(0.474) == "47 in 100"
+    assert wording.duration(7322) == "2 h 2 min"
 
 
 def test_real_rollouts_are_run_again_and_drawn(scenario, tmp_path):

@@ -1,0 +1,56 @@
+"""Numbers as people say them: sensible digits, units, one in so many."""
+
+import math
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+NOT_KNOWN = "not known"
+
+
+def significant(value: float | None, digits: int = 3) -> str:
+    """A number with so many significant digits, thousands separated, powers of ten where it is small."""
+    if value is None or math.isnan(value):
+        return NOT_KNOWN
+    if math.isinf(value):
+        return "∞" if value > 0 else "-∞"
+    if value == 0.0:
+        return "0"
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    power = int(exponent)
+    if power < -3 or power > 8:
+        return f"{mantissa} × 10{str(power).translate(_SUPERSCRIPTS)}"
+    return f"{float(f'{mantissa}e{power}'):,.{max(digits - 1 - power, 0)}f}"
+
+
+def count(value: float | None) -> str:
+    return NOT_KNOWN if value is None else f"{value:,.0f}"
+
+
+def percent(share: float | None, digits: int = 2) -> str:
+    """A share as a percentage."""
+    return NOT_KNOWN if share is None or math.isnan(share) else f"{significant(100.0 * share, digits)}%"
+
+
+def factor(value: float | None) -> str:
+    """How many times."""
+    return NOT_KNOWN if value is None else f"{significant(value, 2)} ×"
+
+
+def level(confidence: float) -> str:
+    """A confidence level."""
+    return f"{100.0 * confidence:.4g}%"
+
+
+def duration(seconds: float) -> str:
+    """Seconds as people say them."""
+    if seconds < 60:
+        return f"{significant(seconds, 2)} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours:,} h {minutes} min" if hours else f"{minutes} min {rest} s"
+
+
+def one_in(p: float) -> str:
+    """A probability as one in so many rollouts, or so many in 100 where it is large."""
+    if p <= 0:
+        return "none"
+    return f"{100.0 * p:.0f} in 100" if p >= 0.1 else f"one in {significant(1.0 / p, 2)}"
