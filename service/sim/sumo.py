@@ -252,3 +252,112 @@ def _lane_hints(corridor: Corridor) -> list[tuple[str, int]]:
             edge, index = corridor.edge_index[lane, k], corridor.sumo_lane[lane, k]
             hints.append((corridor.edges[edge], int(index)) if index >= 0 else ("", -1))
     return hints
+
+
+class SumoTraffic:
+    """Vehicles that SUMO's own driver (Krauss) drives among others that are put where they are told; a context manager.
+
+    SUMO knows lanes and positions along them: a vehicle that is changing lanes is in the middle of one or the other.
+    """
+
+    def __init__(self, corridor: Corridor, step_s: float, seed: int):
+        if SumoSession._open is not None:
+            raise SimulationError("this process already runs a SUMO simulation; close it first")
+        self._corridor = corridor
+        self._options = [
+            "sumo", "--net-file", corridor.net_path, "--step-length", str(step_s), "--seed", str(seed % 2**31),
+            "--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true",
+            "--collision.action", "none", "--time-to-teleport", "-1", "--insertion-checks", "none",
+        ]  # fmt: skip
+        self._hints = _lane_hints(corridor)
+        self._extent: dict[
+            tuple[str, int], tuple[float, float]
+        ] = {}  # an edge's lane: first station, length (m)
+        self._length: dict[str, float] = {}
+        libsumo.start(self._options)
+        SumoSession._open = self  # type: ignore[assignment]
+
+    def __enter__(self) -> "SumoTraffic":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        SumoSession._open = None
+        libsumo.close()
+
+    def clear(self) -> None:
+        """Take all vehicles out."""
+        for name in libsumo.vehicle.getIDList():
+            libsumo.vehicle.remove(name)
+        libsumo.simulationStep()
+        self._length = {}
+
+    def add(
+        self, name: str, length: float, width: float, lane: int, station: float, speed: float, told: bool
+    ) -> None:
+        """A vehicle whose centre is at `station` (m) in `lane` (0 = leftmost); told: it only goes where it is put."""
+        kind = f"{'told' if told else 'free'}-{length:.2f}-{width:.2f}-{lane == 0}"
+        if kind not in libsumo.vehicletype.getIDList():
+            libsumo.vehicletype.copy("DEFAULT_VEHTYPE", kind)
+            reserved = told or lane == 0
+            libsumo.vehicletype.setVehicleClass(kind, CONTROLLED_CLASS if reserved else BACKGROUND_CLASS)
+            libsumo.vehicletype.setLength(kind, length)
+            libsumo.vehicletype.setWidth(kind, width)
+        edge, index, position = self._where(lane, station + 0.5 * length)
+        first = self._corridor.edges.index(edge)
+        route = f"{ROUTE}-from-{first}"
+        if route not in libsumo.route.getIDList():
+            libsumo.route.add(route, list(self._corridor.edges[first:]))
+        libsumo.vehicle.add(name, route, typeID=kind, departLane=str(index), departPos=f"{position:.2f}",
+                            departSpeed=f"{speed:.3f}")  # fmt: skip
+        self._length[name] = length
+        if told:
+            libsumo.vehicle.setSpeedMode(name, UNCHECKED)
+            libsumo.vehicle.setLaneChangeMode(name, UNCHECKED)
+
+    def put(self, name: str, lane: int, station: float, speed: float) -> None:
+        """Place a told vehicle for the coming step."""
+        edge, index, position = self._where(lane, station + 0.5 * self._length[name])
+        libsumo.vehicle.moveTo(name, f"{edge}_{index}", position)
+        libsumo.vehicle.setSpeed(name, max(speed, 0.0))
+
+    def remove(self, name: str) -> None:
+        if name in self.names():
+            libsumo.vehicle.remove(name)
+
+    def names(self) -> set[str]:
+        """Vehicles that are on the road."""
+        return set(libsumo.vehicle.getIDList())
+
+    def step(self) -> None:
+        libsumo.simulationStep()
+
+    def read(self, name: str) -> tuple[int, float, float, float]:
+        """Lane, station of the centre (m), speed (m/s) and acceleration (m/s^2) of a vehicle on the road."""
+        x, y = libsumo.vehicle.getPosition(name)
+        station, _ = self._corridor.project(np.array([x]), np.array([y]))
+        k = int(self._corridor.nearest_station(float(station[0])))
+        edge, index = libsumo.vehicle.getRoadID(name), libsumo.vehicle.getLaneIndex(name)
+        lanes = self._corridor.lane_left.shape[0]
+        named = [lane for lane in range(lanes) if self._hints[k * lanes + lane] == (edge, index)]
+        if named:
+            lane = named[0]
+        else:  # just before or after an edge's end
+            lane = int(np.argmax(self._corridor.sumo_lane[:, k] == index))
+        return (
+            lane,
+            float(station[0]) - 0.5 * self._length[name],
+            libsumo.vehicle.getSpeed(name),
+            libsumo.vehicle.getAcceleration(name),
+        )
+
+    def _where(self, lane: int, station: float) -> tuple[str, int, float]:
+        """Edge, lane index and position (m) of a front bumper at `station`."""
+        lanes, stations = self._corridor.sumo_lane.shape
+        k = min(max(round(station / self._corridor.ds_m), 0), stations - 1)
+        edge, index = self._hints[k * lanes + lane]
+        if (edge, index) not in self._extent:
+            x, y = libsumo.simulation.convert2D(edge, 0.0, index)
+            start, _ = self._corridor.project(np.array([x]), np.array([y]))
+            self._extent[edge, index] = float(start[0]), libsumo.lane.getLength(f"{edge}_{index}")
+        first, length = self._extent[edge, index]
+        return edge, index, min(max(station - first, 0.1), length - 0.1)

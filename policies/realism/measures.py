@@ -1,0 +1,134 @@
+"""What the card measures of a scene, recorded or driven by a model: the same code for both.
+
+Motion (speed, acceleration, jerk, turn rate) is of positions smoothed as the recordings are, so that a model's white
+noise and a camera's are treated alike; hard brakes are counted in the actions as applied.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from policies.data.neighbours import bumper_gaps, leaders
+from policies.data.scenes import EDGE_FRAMES, Scene, smoothed_motion
+from policies.data.smoothing import derivative
+from policies.realism.driven import Driven
+from policies.realism.lane_changes import crossings
+
+HARD_BRAKE_MPS2 = -3.0
+MOVING_MPS = 1.0  # headways of standing vehicles mean nothing
+LONGEST_HEADWAY_S = 10.0
+LONGEST_TTC_S = 30.0
+QUANTITIES = {
+    "speed_mps": "speed, m/s",
+    "accel_mps2": "acceleration, m/s²",
+    "jerk_mps3": "jerk, m/s³",
+    "turn_rate_radps": "turn rate, rad/s",
+    "headway_s": f"time headway up to {LONGEST_HEADWAY_S:g} s",
+    "ttc_s": f"time to collision with the leader up to {LONGEST_TTC_S:g} s, closing in, s",
+}
+
+
+@dataclass(frozen=True)
+class Values:
+    """Values (n,) of one quantity and the vehicle number (n,) of each."""
+
+    x: np.ndarray
+    vehicle: np.ndarray
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Of one vehicle in one window: frames, and how many with a box touching another's, with a hard brake, off the
+    road; lane changes; km driven."""
+
+    frames: int
+    touching: int
+    hard_brakes: int
+    off_road: int
+    lane_changes: int
+    km: float
+
+
+def resmoothed(driven: Driven) -> Scene:
+    """The scene with the model's vehicles smoothed as recorded ones are."""
+    scene = driven.scene
+    columns = {name: getattr(scene, name).copy() for name in ("speed", "accel", "turn_rate")}
+    for v in driven.who:
+        motion = smoothed_motion(scene.station[:, v], scene.lateral[:, v], scene.road)
+        for name, values in columns.items():
+            values[:, v] = motion[name]
+    return replace(scene, **columns)
+
+
+def quantities(scene: Scene, who: np.ndarray, every: int = 5) -> dict[str, Values]:
+    """QUANTITIES of columns `who` at every `every`-th frame, ends left out (smoothing is one-sided there)."""
+    rows = np.arange(EDGE_FRAMES, len(scene.frame) - EDGE_FRAMES - 1, every)
+    ahead = leaders(scene)
+    gap = bumper_gaps(scene, ahead)[:, who]
+    lead = np.maximum(ahead[:, who], 0)
+    frames = np.arange(len(scene.frame))[:, None]
+    speed = scene.speed[:, who]
+    closing = speed - scene.speed[frames, lead]
+    jerk = np.array([derivative(np.nan_to_num(scene.accel[:, v])) for v in who]).reshape(len(who), -1).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        headway = np.where(speed > MOVING_MPS, (gap + scene.length_m[lead]) / speed, np.nan)
+        ttc = np.where((closing > 0.0) & (gap > 0.0), gap / closing, np.nan)
+    found = {
+        "speed_mps": speed,
+        "accel_mps2": scene.accel[:, who],
+        "jerk_mps3": jerk,
+        "turn_rate_radps": scene.turn_rate[:, who],
+        "headway_s": np.where((headway > 0.0) & (headway < LONGEST_HEADWAY_S), headway, np.nan),
+        "ttc_s": np.where(ttc < LONGEST_TTC_S, ttc, np.nan),
+    }
+    number = np.broadcast_to(scene.vehicle_id[who], (len(rows), len(who)))
+    out = {}
+    for name, values in found.items():
+        values = values[rows]
+        good = np.isfinite(values) & scene.present[rows][:, who]
+        out[name] = Values(values[good], number[good])
+    return out
+
+
+def touching(scene: Scene) -> np.ndarray:
+    """(F, N): the box, parallel to the road, overlaps another's."""
+    found = np.zeros(scene.lane.shape, dtype=bool)
+    for f in range(len(scene.frame)):
+        here = np.flatnonzero(scene.present[f] & np.isfinite(scene.station[f]))
+        s, d = scene.station[f, here], scene.lateral[f, here]
+        length, width = scene.length_m[here], scene.width_m[here]
+        overlap = np.abs(s[:, None] - s) < 0.5 * (length[:, None] + length)
+        overlap &= np.abs(d[:, None] - d) < 0.5 * (width[:, None] + width)
+        np.fill_diagonal(overlap, False)
+        found[f, here] = overlap.any(axis=1)
+    return found
+
+
+def counts(scene: Scene, who: np.ndarray, accel: np.ndarray) -> list[Counts]:
+    """Counts of columns `who`; accel: (T, n) as applied."""
+    contact = touching(scene)
+    half = 0.5 * len(scene.road.lane_left) * scene.road.lane_width_m
+    rows = []
+    for i, v in enumerate(who):
+        s = scene.station[:, v]
+        rows.append(
+            Counts(
+                len(s),
+                int(contact[:, v].sum()),
+                int((accel[:-1, i] <= HARD_BRAKE_MPS2).sum()),
+                int((np.abs(scene.lateral[:, v]) > half).sum()),
+                len(crossings(scene.lane[:, v], scene.dt_s)),
+                float(np.abs(np.diff(s)).sum() / 1000.0),
+            )
+        )
+    return rows
+
+
+def errors(driven: Driven, horizons: list[int]) -> np.ndarray:
+    """(n, horizons, 3) of the model's vehicles: distance m (>= 0), speed difference m/s, lane offset difference m."""
+    of = np.ix_(np.array(horizons), driven.who)
+    along, across, faster = (
+        getattr(driven.scene, name)[of] - getattr(driven.recorded, name)[of]
+        for name in ("station", "lateral", "speed")
+    )
+    return np.stack([np.hypot(along, across), faster, across], axis=-1).transpose(1, 0, 2)
