@@ -18,7 +18,7 @@ from typing import Any
 
 import numba
 
-KERNEL_FOLDERS = ("policies", "service/sim", "service/sensors", "service/safety")
+KERNEL_FOLDERS = ("policies", "service/sim", "service/sensors", "service/camera", "service/safety")
 
 
 def _source_digest() -> str:

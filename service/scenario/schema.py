@@ -89,6 +89,22 @@ class Background(_Table, frozen=True):
     speed_mps: float
 
 
+class CameraSpec(_Table, frozen=True):
+    """The ego's camera: picture, lens and where it sits; for egos that look, and for pictures."""
+
+    width_px: int = 200
+    height_px: int = 66
+    hfov_deg: float = 66.0  # angle of view across the picture
+    x_m: float = 0.4  # ahead of the vehicle's centre
+    y_m: float = 0.0  # to the left
+    z_m: float = 1.35  # above the road
+    yaw_deg: float = 0.0  # to the left
+    pitch_deg: float = -4.5  # up; below 0 it looks down on the road
+    roll_deg: float = 0.0  # clockwise, seen from behind
+    distortion: tuple[float, ...] = ()  # OpenCV's k1, k2, p1, p2 and k3; empty: none
+    noise_levels: float = 2.0  # standard deviation of the sensor's noise by day, of 255
+
+
 class FixedStart(_Table, frozen=True):
     """Where a vehicle starts in the fixed rollout."""
 
@@ -122,6 +138,7 @@ class Scenario(_Table, frozen=True):
     drivers: Drivers = Drivers()
     safety: Safety = Safety()
     background: Background | None = None
+    camera: CameraSpec = CameraSpec()
     fixed: Fixed | None = None
 
     @property

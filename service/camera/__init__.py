@@ -1,0 +1,9 @@
+"""What a camera on a vehicle sees: a scene made from the road, light and weather, and a renderer in compiled code."""
+
+from service.camera.labels import VEHICLE_ID, Label
+from service.camera.poses import poses_of
+from service.camera.render import Camera, Images
+from service.camera.scene import Scene, build_scene
+from service.camera.weather import Weather
+
+__all__ = ["VEHICLE_ID", "Camera", "Images", "Label", "Scene", "Weather", "build_scene", "poses_of"]
