@@ -1,0 +1,207 @@
+"""The shipped Zenoh configuration: who gets in, and what each role may do, over real TLS sessions."""
+
+import socket
+import subprocess
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from service.errors import InputError
+from service.fleet.zenoh_link import client_session, router_session
+
+SCRIPT = Path(__file__).parents[2] / "deploy" / "zenoh" / "make-security"
+WORK = "tailroad/v1/fleet/w1/work"
+ALIVE = "tailroad/v1/fleet/{}/alive"
+JOB = "tailroad/v1/jobs/a"
+EVENTS = "tailroad/v1/jobs/a/events"
+PATIENCE_S = 30.0
+
+
+def make_security(folder: Path, *arguments: str) -> Path:
+    subprocess.run([SCRIPT, folder, *arguments, "localhost", "127.0.0.1"], check=True, capture_output=True)
+    return folder
+
+
+def free_port() -> int:
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return s.getsockname()[1]
+
+
+class Scheduler:
+    """The scheduler's session with something to ask for under the fleet's keys and under the API's."""
+
+    def __init__(self, keys: Path):
+        self.endpoint = f"tls/127.0.0.1:{free_port()}"
+        self.session = router_session([self.endpoint], str(keys / "scheduler.json5"))
+        self.asked: list[str] = []
+        self.put: list[str] = []
+        self.queryables = [
+            self.session.declare_queryable(key, self._reply) for key in ("tailroad/v1/**", "other/**")
+        ]
+        self.subscriber = self.session.declare_subscriber(
+            "**", lambda sample: self.put.append(str(sample.key_expr))
+        )
+        self.events = self.session.declare_publisher(EVENTS)
+
+    def _reply(self, query: zenoh.Query) -> None:
+        self.asked.append(str(query.key_expr))
+        query.reply(query.key_expr, b"granted")
+        query.drop()
+
+    def alive(self) -> list[str]:
+        return [
+            str(r.ok.key_expr) for r in self.session.liveliness().get("tailroad/v1/fleet/*/alive") if r.ok
+        ]
+
+
+@pytest.fixture(scope="module", params=["certificates", "passwords"])
+def keys(request, tmp_path_factory):
+    options = ["--passwords"] if request.param == "passwords" else []
+    return make_security(tmp_path_factory.mktemp(request.param), *options)
+
+
+@pytest.fixture(scope="module")
+def scheduler(keys):
+    scheduler = Scheduler(keys)
+    yield scheduler
+    scheduler.session.close()
+
+
+@pytest.fixture
+def session_of(scheduler, keys):
+    """Opens the session of a role; it is connected when this returns."""
+    opened = []
+    scheduler.asked.clear()
+    scheduler.put.clear()
+
+    def open_session(role: str) -> zenoh.Session:
+        session = client_session([scheduler.endpoint], str(keys / f"{role}.json5"))
+        opened.append(session)
+        assert list(session.info.routers_zid()), f"the {role} is not connected"
+        return session
+
+    yield open_session
+    for session in opened:
+        session.close()
+
+
+def answers(session: zenoh.Session, key: str) -> list[bytes]:
+    return [r.ok.payload.to_bytes() for r in session.get(key, timeout=PATIENCE_S) if r.ok is not None]
+
+
+def test_a_worker_asks_for_work_and_is_seen_alive(scheduler, session_of):
+    worker = session_of("worker")
+    assert answers(worker, WORK) == [b"granted"]
+    token = worker.liveliness().declare_token(ALIVE.format("w1"))
+    assert answers(worker, WORK) == [b"granted"]  # what was sent before it has arrived
+    assert ALIVE.format("w1") in scheduler.alive()
+    token.undeclare()
+
+
+def test_a_worker_can_neither_submit_nor_read_jobs(scheduler, session_of):
+    worker = session_of("worker")
+    assert answers(worker, JOB) == []
+    assert answers(worker, "tailroad/v1/**") == []
+    worker.put(EVENTS, b"a lie")
+    assert answers(worker, WORK) == [b"granted"]  # what was sent before it has been refused
+    assert scheduler.asked == [WORK]
+    assert scheduler.put == []
+
+
+def test_a_client_submits_and_reads_and_follows_events(scheduler, session_of):
+    client = session_of("client")
+    assert answers(client, JOB) == [b"granted"]
+    received = zenoh.handlers.FifoChannel(8)
+    subscriber = client.declare_subscriber("tailroad/v1/jobs/*/events", received)
+    assert answers(client, JOB) == [b"granted"]  # the subscription has arrived
+    scheduler.events.put(b"news")
+    assert subscriber.recv().payload.to_bytes() == b"news"
+
+
+def test_a_client_cannot_pass_for_a_worker(scheduler, session_of):
+    client = session_of("client")
+    token = client.liveliness().declare_token(ALIVE.format("liar"))
+    assert answers(client, WORK) == []
+    assert answers(client, "tailroad/v1/fleet/*/*") == []
+    client.put("tailroad/v1/fleet/w1/answer", b"a lie")
+    assert answers(client, JOB) == [b"granted"]
+    assert scheduler.asked == [JOB]
+    assert scheduler.put == []
+    assert ALIVE.format("liar") not in scheduler.alive()
+    token.undeclare()
+
+
+@pytest.mark.parametrize("role", ["worker", "client"])
+def test_nobody_answers_in_the_scheduler_s_place(scheduler, session_of, role):
+    intruder, client = session_of(role), session_of("client")
+    heard = []
+    intruder.declare_queryable("tailroad/v1/jobs/**", lambda query: heard.append(query))
+    assert answers(intruder, WORK if role == "worker" else "tailroad/v1/egos") == [
+        b"granted"
+    ]  # all has arrived
+    assert answers(client, JOB) == [b"granted"]
+    assert heard == []
+
+
+@pytest.mark.parametrize("role", ["worker", "client"])
+def test_no_role_reaches_keys_outside_the_service(scheduler, session_of, role):
+    session = session_of(role)
+    assert answers(session, "other/thing") == []
+    assert "other/thing" not in scheduler.asked
+
+
+def refused(scheduler: Scheduler, config: zenoh.Config, within_ms: int = 2000) -> bool:
+    """Whether no session can be opened with `config`."""
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", f'["{scheduler.endpoint}"]')
+    config.insert_json5("connect/timeout_ms", str(within_ms))
+    config.insert_json5("connect/exit_on_failure", "true")
+    try:
+        zenoh.open(config).close()
+    except zenoh.ZError:
+        return True
+    return False
+
+
+def test_a_stranger_gets_no_session(scheduler, keys):
+    stranger = zenoh.Config()
+    stranger.insert_json5("transport/link/tls/root_ca_certificate", f'"{keys}/authority.pem"')
+    assert refused(scheduler, stranger)
+
+
+def test_keys_of_another_authority_get_no_session(scheduler, keys, tmp_path):
+    options = ["--passwords"] if (keys / "passwords.txt").exists() else []
+    other = make_security(tmp_path / "other", *options)
+    assert not refused(scheduler, zenoh.Config.from_file(str(keys / "client.json5")), within_ms=60_000)
+    assert refused(scheduler, zenoh.Config.from_file(str(other / "client.json5")))  # distrusts the scheduler
+    trusting = zenoh.Config.from_file(str(other / "client.json5"))
+    trusting.insert_json5("transport/link/tls/root_ca_certificate", f'"{keys}/authority.pem"')
+    assert refused(scheduler, trusting)  # and is itself distrusted
+
+
+def test_plain_tcp_is_not_listened_to(keys):
+    with pytest.raises(InputError, match="cannot listen"):
+        router_session([f"tcp/127.0.0.1:{free_port()}"], str(keys / "scheduler.json5"))
+
+
+def test_keys_are_for_their_owner_only(keys):
+    assert not [path.name for path in keys.iterdir() if path.stat().st_mode & 0o077]
+
+
+def test_the_authority_is_kept_and_used_again(tmp_path):
+    keys = make_security(tmp_path / "keys")
+    authority = (keys / "authority.pem").read_bytes()
+    make_security(tmp_path / "keys")
+    assert (keys / "authority.pem").read_bytes() == authority
+
+
+@pytest.mark.parametrize(
+    "arguments", [[], ["out"], ["out", "--at"], ["out", "--unknown", "host"], ["o'ut", "host"]]
+)
+def test_wrong_use_of_the_script_is_refused(arguments, tmp_path):
+    done = subprocess.run([SCRIPT, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "make-security" in done.stderr
+    assert list(tmp_path.iterdir()) == []
