@@ -12,7 +12,7 @@ from service.batches import RecordedBatches
 from service.evaluate import evaluate
 from service.job import Job, Problem
 from service.pool import OUTCOME_NAMES
-from service.store import RunDirectory
+from service.store import ChunkSource
 
 BatchKey = tuple[str, int]  # phase, iteration
 
@@ -89,7 +89,7 @@ class JobRecord:
         ]
 
 
-def replay(store: RunDirectory, job: Job) -> JobRecord:
+def replay(store: ChunkSource, job: Job) -> JobRecord:
     """Replay a job's record through the evaluation loop until it is finished or the record ends."""
     problem = Problem(job)
     algorithm = problem.algorithm

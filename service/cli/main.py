@@ -18,6 +18,7 @@ COMMANDS = {
     "train": "service.cli.train",
     "data": "service.cli.data",
     "bench": "service.cli.bench",
+    "serve": "service.cli.serve",
     "worker": "service.cli.worker",
 }
 INTERRUPTED = 130

@@ -23,6 +23,8 @@ class Auditing:
     def picks(self, job: JobState, ticket: Ticket, workers: Workers) -> bool:
         """Whether a chunk just recorded is to be run again: a share of all, and the first one of every worker."""
         name = ticket.worker
+        if not job.submitted.audited:
+            return False
         if not name or name in workers.quarantined or ticket.key in self.open:
             return False
         new = name not in job.known and self._policy.audit_share > 0.0
@@ -42,7 +44,7 @@ class Auditing:
         self, job: JobState, key: ChunkKey, first: str, bits: bytes, worker: str, chunk: Chunk
     ) -> None:
         """A second answer came unasked, of a speculative copy say: as good as an audit."""
-        if first and first != worker and key not in self.open:
+        if job.submitted.audited and first and first != worker and key not in self.open:
             self._add(job, key, first, bits)
             self.opinion(key, worker, chunk)
 
@@ -64,7 +66,7 @@ class Auditing:
         return None
 
     def _can(self, worker: WorkerState, audit: Audit, job: JobState) -> bool:
-        fits = worker.can_run(job.submitted.ego, job.submitted.camera) and worker.id not in job.refused
+        fits = worker.can_run(job.submitted.ego) and worker.id not in job.refused
         drawable = not (worker.draws_wrong and isinstance(audit.rows, Drawn))
         return worker.id not in audit.opinions and fits and drawable
 
@@ -82,6 +84,9 @@ class Auditing:
         audit = self.open.get(held.key)
         if audit is not None and audit.lease == held.id:
             audit.lease = None
+            audit.losses += 1
+            if audit.losses >= self._policy.losses and not audit.disputed:
+                del self.open[held.key]  # there are others; this one takes its workers with it
 
     def close(self, key: ChunkKey) -> None:
         del self.open[key]

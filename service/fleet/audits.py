@@ -19,6 +19,7 @@ class Audit:
     epoch: int
     opinions: dict[str, bytes] = field(default_factory=dict)
     lease: int | None = None
+    losses: int = 0  # leases that ended without an answer
 
     @property
     def disputed(self) -> bool:

@@ -5,7 +5,7 @@ import shutil
 import socket
 from importlib.util import find_spec
 
-from policies.egos import ego_names
+from service.egos.open import usable_egos
 from service.fleet.messages import Capabilities
 from service.fleet.versions import versions
 
@@ -14,7 +14,7 @@ def capabilities(procs: int) -> Capabilities:
     """Of a worker with so many processes on this machine."""
     return Capabilities(
         procs=procs,
-        egos=tuple(ego_names()),
+        egos=tuple(usable_egos()),
         camera=find_spec("cv2") is not None,
         gpu=shutil.which("nvidia-smi") is not None,
         versions=versions(),

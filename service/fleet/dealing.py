@@ -55,7 +55,7 @@ class Dealing:
             if job.phase is Phase.WORKING
             and not job.paused
             and worker.id not in job.refused
-            and worker.can_run(job.submitted.ego, job.submitted.camera)
+            and worker.can_run(job.submitted.ego)
         ]
         job = self._next_job([job for job in able if job.pending], ask.job)
         if job is not None:

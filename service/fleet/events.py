@@ -15,14 +15,14 @@ from service.store import Chunk, Origin
 @dataclass(frozen=True)
 class Submitted:
     """A job of the database, new or from before a restart. Of two jobs the one of higher priority goes first; jobs of
-    one priority share the workers by weight."""
+    one priority share the workers by weight. audited: the same rollout has the same bits on any worker."""
 
     job: str
     ego: str
-    camera: bool = False
     priority: int = 0
     weight: float = 1.0
     paused: bool = False
+    audited: bool = True
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from service.egos.open import REMOTE
 from service.errors import StoreError, TailroadError
 from service.fleet import events as E
 from service.fleet.answers import chunk_of
@@ -88,10 +89,9 @@ class Hub:
 
     def take_up(self, row: JobRow) -> None:
         """Have a job of the database run."""
-        needs_camera = getattr(row.job.scenario, "camera", None) is not None
-        self.post(
-            E.Submitted(row.id, row.job.ego, needs_camera, row.priority, row.weight, row.status == "paused")
-        )
+        ego = row.job.ego
+        own = not ego.startswith(REMOTE)  # a black box may answer late on one worker and not on another
+        self.post(E.Submitted(row.id, ego, row.priority, row.weight, row.status == "paused", own))
 
     def post(self, event: E.Event) -> None:
         self._inbox.put(event)

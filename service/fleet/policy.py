@@ -29,6 +29,7 @@ class Policy:
     sticky_s: float = 5.0
     garbled: int = 3
     progress_s: float = 1.0
+    max_workers: int = 4096
     max_rows: int = 500
     max_bytes: int = 8 * 2**20  # of a chunk's x
 

@@ -168,6 +168,10 @@ class Scheduler:
                 )
                 self._out.append(E.Send(request, Refused(reason)))
                 return
+        if len(self.workers.here) >= self.policy.max_workers and message.worker not in self.workers.here:
+            reason = f"there are {self.policy.max_workers} workers already"
+            self._out.append(E.Send(request, Refused(reason, again=True)))
+            return
         if message.worker in self.workers.here:  # it was started again
             self._leave(message.worker, lost=1)
         self.workers.here[message.worker] = WorkerState(message.worker, message.capabilities, self.now)
@@ -175,6 +179,11 @@ class Scheduler:
 
     def _ask(self, request: int, ask: Ask) -> None:
         slot = (ask.worker, ask.slot)
+        procs = self.workers.here[ask.worker].capabilities.procs
+        if not 0 <= ask.slot < procs:
+            reason = f"slot {ask.slot} of worker {ask.worker}, which has {procs}"
+            self._out.append(E.Send(request, Refused(reason)))
+            return
         for lease in self.workers.of_slot(*slot):  # the slot never got it
             self._take_back(lease, lost=0)
         if slot in self.workers.waiting:

@@ -12,9 +12,11 @@ import msgspec
 import ce
 from service.errors import InputError
 from service.fleet import events as E
+from service.fleet.errors import NoSuchJob
 from service.fleet.hub import OPEN, Hub
 from service.fleet.scheduler import Scheduler
 from service.job import Job
+from service.record import JobRecord, replay
 from service.store.jobs import Event, JobRow
 from service.store.reader import JobReader
 from service.summary import Cost, summary_of
@@ -92,7 +94,7 @@ class Fleet:
         return [self._view(row, told) for row in self._store.jobs(after, limit)]
 
     def job(self, job: str) -> JobView:
-        """InputError for a job that there is not; so do all that follow."""
+        """NoSuchJob for a job that there is not; so do all that follow."""
         return self._view(self._row(job), self._progress())
 
     def cancel(self, job: str) -> None:
@@ -130,6 +132,11 @@ class Fleet:
         self._row(job)
         return self._store.iterations(job, after, limit)
 
+    def record(self, job: str) -> JobRecord:
+        """The job's whole record, replayed: failures, dangerous rollouts, the seeds that bring a rollout back. It reads
+        everything; keep it rather than ask again."""
+        return replay(self.reader(job), self._row(job).job)
+
     def reader(self, job: str) -> JobReader:
         """The job's chunks, as `service.record` and `service.report` read a run directory."""
         return JobReader(self._store, self._row(job))
@@ -157,7 +164,7 @@ class Fleet:
     def _row(self, job: str) -> JobRow:
         row = self._store.job(job)
         if row is None:
-            raise InputError(f"there is no job {job!r}")
+            raise NoSuchJob(job)
         return row
 
     def _tell(self, job: str, event: E.Event) -> None:

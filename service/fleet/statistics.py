@@ -3,7 +3,7 @@
 import threading
 from collections import OrderedDict
 
-from service.errors import InputError
+from service.fleet.errors import NoSuchJob
 from service.fleet.turns import ReadChunks, Replay, Turn, next_turn, open_turn
 from service.job import Problem
 from service.store.jobs import JobStore
@@ -22,13 +22,13 @@ class Statistics:
         self._over: OrderedDict[str, None] = OrderedDict()
 
     def problem(self, job: str) -> Problem:
-        """The job's problem; InputError for a job that there is not."""
+        """The job's problem; NoSuchJob for a job that there is not."""
         with self._lock:
             if job in self._problems:
                 return self._problems[job]
         row = self._store.job(job)
         if row is None:
-            raise InputError(f"there is no job {job!r}")
+            raise NoSuchJob(job)
         problem = Problem(row.job)
         with self._lock:
             return self._problems.setdefault(job, problem)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from service.egos.open import REMOTE
 from service.fleet.messages import Ask, Capabilities, ChunkKey
 
 
@@ -42,10 +43,9 @@ class WorkerState:
     rollouts: int = 0
     worker_s: float = 0.0
 
-    def can_run(self, ego: str, camera: bool) -> bool:
+    def can_run(self, ego: str) -> bool:
         """Whether it has the ego; egos over the network (`zenoh:NAME`) are anybody's."""
-        known = ego in self.capabilities.egos or ego.startswith("zenoh:")
-        return known and (self.capabilities.camera or not camera)
+        return ego in self.capabilities.egos or ego.startswith(REMOTE)
 
 
 class Workers:

@@ -13,6 +13,7 @@ import ce
 from service.errors import StoreError
 from service.job import Job
 from service.store.chunk import Chunk, Origin
+from service.store.claim import Claim
 from service.store.database import LOCK_WAIT_S, insert_once, open_engine, reason, shown, writing
 from service.store.records import ChunkRecord
 from service.store.tables import audits, chunks, events, iterations, jobs, quarantine, voids
@@ -64,6 +65,10 @@ class JobStore:
 
     def close(self) -> None:
         self._engine.dispose()
+
+    def claim(self) -> Claim:
+        """Make sure that no other scheduler works on this database; StoreError where one does."""
+        return Claim(self._engine)
 
     def __enter__(self) -> "JobStore":
         return self

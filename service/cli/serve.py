@@ -1,0 +1,72 @@
+"""`tailroad serve`: scheduler, router and local workers of one machine, in one command."""
+
+import logging
+import signal
+import threading
+from contextlib import ExitStack
+from pathlib import Path
+
+import click
+
+from service.cli.options import core_count
+
+LOOPBACK = ("/127.", "/localhost:", "/[::1]")
+
+
+@click.command()
+@click.option("--listen", multiple=True, default=("tcp/127.0.0.1:7447",), show_default=True,
+              help="Zenoh endpoint for workers and clients; once for each.")  # fmt: skip
+@click.option("--home", type=click.Path(file_okay=False, path_type=Path), default=Path("fleet"), show_default=True,
+              help="Folder of the database.")  # fmt: skip
+@click.option("--database", help="Its URL, for PostgreSQL: postgresql+psycopg://USER@HOST/NAME.  "
+              "[default: SQLite in --home]")  # fmt: skip
+@click.option("--workers", type=click.IntRange(0, 1024), help="Local worker processes; 0: none.  "
+              "[default: one for each core]")  # fmt: skip
+@click.option("--audit-share", type=click.FloatRange(0, 1), default=0.02, show_default=True,
+              help="Share of the chunks that a second worker runs again, to compare.")  # fmt: skip
+@click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
+              help="Zenoh configuration file, for TLS, passwords and access control.")  # fmt: skip
+def command(
+    listen: tuple[str, ...],
+    home: Path,
+    database: str | None,
+    workers: int | None,
+    audit_share: float,
+    zenoh_config: str | None,
+) -> None:
+    """Serve jobs: take them, run them on local and connected workers, answer questions, until told to stop.
+
+    What was run is in the database: a serve that was killed goes on where it was.
+    """
+    from service.errors import InputError
+    from service.fleet.hub import Hub
+    from service.fleet.local import LocalWorker
+    from service.fleet.policy import Policy
+    from service.fleet.zenoh_link import HubLink, router_session
+    from service.store.database import sqlite_url
+    from service.store.jobs import JobStore
+
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    stopping = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stopping.set())
+    if zenoh_config is None and any(not any(part in end for part in LOOPBACK) for end in listen):
+        click.echo("warning: listening beyond this machine without --zenoh-config lets anybody in", err=True)
+    try:
+        home.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--home {home}: {error.strerror}") from error
+    with ExitStack() as stack:
+        store = stack.enter_context(JobStore(database or sqlite_url(home / "fleet.sqlite")))
+        stack.callback(store.claim().close)
+        hub = Hub(store, Policy(audit_share=audit_share))
+        session = stack.enter_context(router_session(list(listen), zenoh_config))
+        hub.start()
+        stack.callback(hub.stop)
+        stack.callback(HubLink(session, hub).close)
+        procs = core_count() if workers is None else workers
+        if procs > 0:
+            stack.callback(LocalWorker(listen[0], procs, zenoh_config).stop)
+        click.echo(f"serving on {', '.join(listen)}, {procs} local worker processes", err=True)
+        stopping.wait()
+        click.echo("stopping: what is being run is finished first", err=True)
