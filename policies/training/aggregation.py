@@ -1,5 +1,7 @@
 """Data set aggregation (Ross et al. 2011): states that the networks themselves reach, for the expert to label."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from policies.data.scenes import straight_lanes
@@ -22,6 +24,8 @@ SYNTHETIC_SHARE = 0.25  # of rollouts on a winding road, so that the curves of I
 HEAD_NOISE_SD = (
     0.03  # half of the rollouts: heads moved by this, so that drivers of all xi find their way back
 )
+
+EGO_ROW = 2  # the scenario's ego drives in lane 3
 
 
 def winding_road(rng: np.random.Generator, length_m: float = 1500.0) -> Road:
@@ -69,11 +73,43 @@ def visited(
         time, vehicle = np.nonzero(good)
         parts.append(seen[time, vehicle].astype(np.float32))
         numbers.append(number * 6 + vehicle)
-    seen = np.concatenate(parts)
+    return _aggregated(np.concatenate(parts), np.concatenate(numbers))
+
+
+def visited_among(
+    ego: Network,
+    draw: Callable[[np.random.Generator], Network],
+    road: Road,
+    rollouts: int,
+    rng: np.random.Generator,
+    *,
+    seconds: float = 20.0,
+    every: int = 3,
+) -> Rows:
+    """States of an ego in the third lane among drivers drawn by `draw`; half of the egos' heads are moved a little."""
+    parts, numbers = [], []
+    steps = round(seconds / DT_S)
+    for number in range(rollouts):
+        head = ego.head
+        if rng.random() < 0.5:
+            head = head + rng.normal(0.0, HEAD_NOISE_SD, head.shape).astype(np.float32)
+        agents, noise = standard_starts(rng, road), rng.standard_normal((steps, 6, 2))
+        moved = ego._replace(head=head)
+        seen, trace, _ = rollout(agents, road, steps, draw(rng), noise, ego=EGO_ROW, ego_network=moved)
+        own = trace[: len(seen), EGO_ROW]
+        good = (own[:, T_ACTIVE] > 0) & (own[:, T_OFF_ROAD] + own[:, T_COLLISION] == 0)
+        pick = np.flatnonzero(good)[int(rng.integers(every)) :: every]
+        parts.append(seen[pick, EGO_ROW].astype(np.float32))
+        numbers.append(np.full(len(pick), number))
+    return _aggregated(np.concatenate(parts), np.concatenate(numbers))
+
+
+def _aggregated(seen: np.ndarray, trajectory: np.ndarray) -> Rows:
+    """Rows without actions: the expert fills them in."""
     return Rows(
         seen,
         np.zeros((len(seen), 2), np.float32),
         np.full(len(seen), AGGREGATED, np.int8),
-        np.concatenate(numbers).astype(np.int64),
+        trajectory.astype(np.int64),
         np.zeros(len(seen), bool),
     )

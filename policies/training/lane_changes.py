@@ -34,8 +34,31 @@ ABREAST = range(3, 8)  # beams at 54 to 126 degrees
 MOVING_MPS = 3.0  # nobody changes lanes standing
 
 
+def evasion(seen: np.ndarray, elbow_room_m: float, strongest_mps2: float) -> np.ndarray:
+    """Lateral acceleration (n,) in m/s^2 away from vehicles that are abreast and closer than `elbow_room_m`."""
+    push = np.zeros(len(seen))
+    beams = np.arange(ABREAST.start, ABREAST.stop)
+    across = np.sin(2.0 * np.pi * beams / O.BEAMS)
+    for side in (1, -1):
+        distance = seen[:, O.RANGE_M + (beams if side > 0 else O.BEAMS - beams)].astype(np.float64)
+        room = (distance * across).min(axis=1) - 0.5 * seen[:, O.WIDTH_M]
+        push -= side * strongest_mps2 * np.clip(1.0 - room / elbow_room_m, 0.0, 1.0)
+    return push
+
+
 @dataclass(frozen=True)
-class ChangingExpert(Expert):
+class KeepingExpert(Expert):
+    """A driver who keeps the lane, and gives way to a neighbour who comes too close."""
+
+    elbow_room_m: float = 0.9  # side to side; people in the middle of lanes have 1.8 m
+    evasion_mps2: float = 1.5
+
+    def lateral_acceleration(self, seen: np.ndarray) -> np.ndarray:
+        return super().lateral_acceleration(seen) + evasion(seen, self.elbow_room_m, self.evasion_mps2)
+
+
+@dataclass(frozen=True)
+class ChangingExpert(KeepingExpert):
     """Parameters in SI units; see the module. Gaps are bumper to bumper in the lane beside."""
 
     lateral_rate_per_s: float = 0.42
@@ -52,26 +75,13 @@ class ChangingExpert(Expert):
     rear_gap_m: float = 3.0
     rear_headway_s: float = 0.3
     closing_s: float = 1.5  # more gap for each m/s of closing speed
-    elbow_room_m: float = 0.9  # side to side; people in the middle of lanes have 1.8 m
-    evasion_mps2: float = 1.5
 
     def lateral_acceleration(self, seen: np.ndarray) -> np.ndarray:
         u = lateral_speed(seen)
-        total = super().lateral_acceleration(seen)
+        total = Expert.lateral_acceleration(self, seen)
         for side, share in self._switches(seen):
             total = (1.0 - share) * total + share * (side * self.cruise_mps - u) / self.settling_s
-        return total + self.away_from_neighbours(seen)
-
-    def away_from_neighbours(self, seen: np.ndarray) -> np.ndarray:
-        """Lateral acceleration (n,) away from vehicles that are abreast and closer than `elbow_room_m`, in m/s^2."""
-        push = np.zeros(len(seen))
-        for side in (1, -1):
-            beams = np.arange(ABREAST.start, ABREAST.stop)
-            across = np.sin(2.0 * np.pi * beams / O.BEAMS)
-            distance = seen[:, O.RANGE_M + (beams if side > 0 else O.BEAMS - beams)].astype(np.float64)
-            room = (distance * across).min(axis=1) - 0.5 * seen[:, O.WIDTH_M]
-            push -= side * self.evasion_mps2 * np.clip(1.0 - room / self.elbow_room_m, 0.0, 1.0)
-        return push
+        return total + evasion(seen, self.elbow_room_m, self.evasion_mps2)
 
     def lateral_noise(self, seen: np.ndarray) -> np.ndarray:
         moved = lateral_speed(seen) + self.offset_gain_per_s * seen[:, O.LANE_OFFSET_M]

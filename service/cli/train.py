@@ -1,4 +1,4 @@
-"""`tailroad train drivers|ego-lidar`: needs the `train` extra (torch)."""
+"""`tailroad train drivers|drivers-bc|ego-lidar|thresholds`: needs the `train` extra (torch)."""
 
 import importlib
 import sys
@@ -7,14 +7,20 @@ import click
 
 from service.errors import InputError
 
-SCRIPTS = {"drivers": "policies.training.drivers", "ego-lidar": "policies.training.ego_lidar"}
+SCRIPTS = {
+    "drivers": "policies.training.drivers_gail",
+    "drivers-bc": "policies.training.drivers",
+    "ego-lidar": "policies.training.ego_lidar",
+    "thresholds": "policies.training.thresholds",
+}
 
 
 @click.command(context_settings={"ignore_unknown_options": True, "help_option_names": []})
 @click.argument("what", type=click.Choice(list(SCRIPTS)))
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def command(what: str, arguments: tuple[str, ...]) -> None:
-    """Train the drivers or the lidar ego; `tailroad train WHAT --help` lists the script's own options."""
+    """Train the drivers (by adversarial imitation, or by behaviour cloning) or the lidar ego, or find the thresholds of
+    rare events in the new traffic; `tailroad train WHAT --help` lists the script's own options."""
     try:
         script = importlib.import_module(SCRIPTS[what])
     except ModuleNotFoundError as error:

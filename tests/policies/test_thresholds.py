@@ -1,0 +1,47 @@
+"""Thresholds of rare events: the service's own values without SUMO, and order statistics with their intervals."""
+
+import numpy as np
+import pytest
+
+import ce
+from policies.drivers import load_drivers
+from policies.egos import load_ego
+from policies.training.thresholds import Rollouts, thresholds_of
+from service.scenario import load_scenario
+from service.scenario.base import base_distribution
+from service.scenario.check import check_road
+from service.sim.rollout import OUTCOMES, Simulator
+
+
+def test_values_are_those_of_the_service():
+    scenario = load_scenario("i80-10s")
+    drivers = load_drivers(scenario.drivers.weights)
+    algorithm = ce.algorithm("naive", base_distribution(scenario, drivers), 0.2, ce.NaiveOptions(budget=1000))
+    batch = algorithm.propose(algorithm.init(7))
+    assert batch is not None
+    alone = Rollouts(scenario, drivers, load_ego("lidar"))
+    with Simulator(scenario, check_road(scenario, scenario.name), drivers, load_ego("lidar")) as simulator:
+        for x, seed in zip(batch.x[:5], batch.noise[:5], strict=True):
+            expected = simulator.run(x, int(seed))
+            f, end = alone.f(x, int(seed))
+            assert (f, OUTCOMES[end]) == (expected.f, expected.outcome)
+
+
+def test_thresholds_of_uniform_values():
+    """P(f <= g) = g: each threshold is near p, and its interval holds p and is as wide as counting makes it."""
+    f = np.random.default_rng(1).random(200_000)
+    found = thresholds_of(f)
+    assert [one["p"] for one in found] == [1e-2, 1e-3, 1e-4]
+    for one in found:
+        low, high = one["interval_95"]
+        assert low < one["p"] < high
+        assert (high - low) / one["p"] == pytest.approx(4.0 / np.sqrt(one["events"]), rel=0.4)
+
+
+def test_coverage_of_the_intervals():
+    rng = np.random.default_rng(2)
+    inside = 0
+    for _ in range(200):
+        low, high = thresholds_of(rng.random(3000))[0]["interval_95"]
+        inside += low <= 1e-2 <= high
+    assert inside >= 182  # 95% of 200, less three standard errors
