@@ -4,6 +4,16 @@ from service.camera.labels import VEHICLE_ID, Label
 from service.camera.poses import poses_of
 from service.camera.render import Camera, Images
 from service.camera.scene import Scene, build_scene
-from service.camera.weather import Weather
+from service.camera.weather import Weather, weather_of
 
-__all__ = ["VEHICLE_ID", "Camera", "Images", "Label", "Scene", "Weather", "build_scene", "poses_of"]
+__all__ = [
+    "VEHICLE_ID",
+    "Camera",
+    "Images",
+    "Label",
+    "Scene",
+    "Weather",
+    "build_scene",
+    "poses_of",
+    "weather_of",
+]

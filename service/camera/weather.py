@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from policies.exactmath import exp, log, sincos
+from service.scenario.base import weather_values
+from service.scenario.schema import Scenario
 
 KOSCHMIEDER = 3.912  # -ln 0.02
 CLEAR_PER_KM = 0.12  # extinction of clean air
@@ -41,6 +43,11 @@ class Weather:
     def lights_on(self) -> bool:
         """Vehicles drive with their headlights on: low sun, rain or fog."""
         return self.sun_elevation_deg < 4.0 or self.rain > 0.3 or self.visibility_m < 900.0
+
+
+def weather_of(scenario: Scenario, x: np.ndarray) -> Weather:
+    """The weather of a draw x (d,); a clear afternoon where the scenario draws none."""
+    return Weather(**weather_values(scenario, x))
 
 
 RAIN_PER_KM = 0.16  # extinction of rain per mm/h (Atlas 1953, rounded)

@@ -8,9 +8,10 @@ import numpy as np
 import ce
 from policies.drivers import DriverModel
 from policies.layout import HEAD_SIZE
-from service.scenario.schema import Beta, Distribution, Scenario, Uniform
+from service.scenario.schema import Beta, Distribution, RandomWeather, Scenario, Uniform
 
 Marginal = ce.Beta | ce.Uniform | ce.TruncatedNormal
+WEATHER = RandomWeather.__struct_fields__
 PER_VEHICLE = ("station_m", "lane_offset_m", "heading_deg", "speed_mps")  # S, T, W, V of the paper
 
 
@@ -28,13 +29,20 @@ class Start:
 
 
 def base_distribution(scenario: Scenario, drivers: DriverModel) -> ce.Product:
-    """P0 of X = (S, T, W, V of each vehicle, xi): dimension 4 vehicles + 404 (paper, section 4)."""
+    """P0 of X = (S, T, W, V of each vehicle, xi): dimension 4 vehicles + 404 (paper, section 4).
+
+    A scenario with weather has its five coordinates before xi.
+    """
     blocks: list[Marginal | ce.Normal] = []
     names: list[str] = []
     for vehicle in scenario.vehicles:
         for key in PER_VEHICLE:
             blocks.append(marginal(scenario.of(vehicle, key)))
             names.append(f"{vehicle.name}.{key}")
+    if scenario.weather is not None:
+        for key in WEATHER:
+            blocks.append(marginal(getattr(scenario.weather, key)))
+            names.append(f"weather.{key}")
     blocks.append(ce.Normal(drivers.mu0, drivers.sigma0))
     names += [f"xi[{i}]" for i in range(HEAD_SIZE)]
     return ce.Product(blocks, names)
@@ -65,4 +73,17 @@ def unpack(scenario: Scenario, x: np.ndarray) -> tuple[list[Start], np.ndarray]:
                 width_m=scenario.of(vehicle, "width_m"),
             )
         )
-    return starts, x[4 * len(scenario.vehicles) :]
+    return starts, x[_before_weights(scenario) :]
+
+
+def weather_values(scenario: Scenario, x: np.ndarray) -> dict[str, float]:
+    """Light and weather that a draw x (d,) stands for, by their names in the scenario; empty where it has none."""
+    if scenario.weather is None:
+        return {}
+    begin = len(PER_VEHICLE) * len(scenario.vehicles)
+    return dict(zip(WEATHER, x[begin : begin + len(WEATHER)].tolist(), strict=True))
+
+
+def _before_weights(scenario: Scenario) -> int:
+    """How many coordinates of X come before xi."""
+    return len(PER_VEHICLE) * len(scenario.vehicles) + (0 if scenario.weather is None else len(WEATHER))

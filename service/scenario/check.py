@@ -7,7 +7,8 @@ import numpy as np
 
 from policies.layout import HEAD_SIZE
 from service.errors import ScenarioError
-from service.scenario.schema import Beta, Distribution, Fixed, Scenario, TruncatedNormal, Vehicle
+from service.scenario.check_camera import check_camera
+from service.scenario.schema import Beta, Distribution, Fixed, RandomWeather, Scenario, TruncatedNormal, Vehicle
 from sumo_nets.corridor import Corridor, load_corridor
 from sumo_nets.errors import EdgesError, NetworkError
 
@@ -80,6 +81,9 @@ def check_values(scenario: Scenario, source: str) -> None:
             )
         if not 0.0 < background.speed_mps <= MAX_SPEED_MPS:
             refuse("background.speed_mps", background.speed_mps, f"give above 0 up to {MAX_SPEED_MPS:g} m/s")
+    check_camera(scenario, refuse)
+    for key in () if scenario.weather is None else RandomWeather.__struct_fields__:
+        _check_distribution(getattr(scenario.weather, key), key, f"weather.{key}", refuse)
     if scenario.fixed is not None:
         _check_fixed(scenario, scenario.fixed, refuse)
     _check_overlaps(scenario, source)

@@ -14,6 +14,7 @@ import msgspec
 
 from service.errors import ScenarioError
 from service.scenario.check import DISTRIBUTIONS, check_values
+from service.scenario.check_camera import WEATHER_RANGES
 from service.scenario.schema import FORMAT, Distribution, Scenario
 
 FOLDER = Path(__file__).parent
@@ -182,7 +183,7 @@ def _remedy(what: str, key: str) -> str:
     expected = re.match(r"Expected `(\w+)(?: \| null)?`, got `(\w+)`", what)
     if not expected:
         return f"{what[:1].lower()}{what[1:]}; see `tailroad scenario show i80` for an example"
-    if expected[1] == "object" and key in DISTRIBUTIONS:
+    if expected[1] == "object" and key in (*DISTRIBUTIONS, *WEATHER_RANGES):
         return 'give a distribution, as in { distribution = "beta", alpha = 2.0, beta = 2.0, low = 0.0, high = 1.0 }'
     wanted, found = (KINDS.get(kind, kind) for kind in expected.groups())
     return f"give {wanted}{_unit_hint(key)}, not {found}"

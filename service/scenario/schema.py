@@ -105,6 +105,16 @@ class CameraSpec(_Table, frozen=True):
     noise_levels: float = 2.0  # standard deviation of the sensor's noise by day, of 255
 
 
+class RandomWeather(_Table, frozen=True):
+    """Light and weather as random variables: a coordinate of X each. What they mean: service.camera.weather."""
+
+    sun_elevation_deg: Distribution  # above the horizon; below -6 is night
+    sun_azimuth_deg: Distribution  # compass: 0 north, 90 east
+    fog_per_km: Distribution  # extinction coefficient; 3.912 / it is the visibility in km
+    rain_mmph: Distribution  # 0 and below: dry
+    exposure_ev: Distribution  # error of the camera's exposure control, in stops
+
+
 class FixedStart(_Table, frozen=True):
     """Where a vehicle starts in the fixed rollout."""
 
@@ -139,6 +149,7 @@ class Scenario(_Table, frozen=True):
     safety: Safety = Safety()
     background: Background | None = None
     camera: CameraSpec = CameraSpec()
+    weather: RandomWeather | None = None  # without it: a clear afternoon
     fixed: Fixed | None = None
 
     @property

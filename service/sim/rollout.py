@@ -72,6 +72,12 @@ class Simulator:
             rays=scenario.safety.rays,
             background_rows=BACKGROUND_ROWS if background else 0,
         )
+        self._camera = None
+        if getattr(ego, "wants_camera", False):
+            # only where an ego looks: the scene takes a second
+            from service.camera.onboard import OnboardCamera
+
+            self._camera = OnboardCamera(scenario, corridor)
         stations = [scenario.of(vehicle, "station_m") for vehicle in scenario.vehicles]
         self._has_background = background is not None
         self._sumo = SumoSession(
@@ -139,10 +145,15 @@ class Simulator:
             status, ttc = world.observe()
 
         observation = Observation(world.observations[world.ego], 0.0, world.agents[world.ego])
+        camera = self._camera
+        if camera is not None:
+            camera.begin(x, seed)
         f = ttc
         k = 0
         while status == step.RUNNING and k < self._steps:
             observation.time_s = k * self._dt_s
+            if camera is not None:
+                observation.frame = camera.picture(world.agents, world.count, world.ego, k)
             acceleration, turn_rate = ego.act(observation)
             if not (math.isfinite(acceleration) and math.isfinite(turn_rate)):
                 raise EgoError(
