@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate test check bench calibration format clean
+.PHONY: help estimate test check bench calibration drivers format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
@@ -12,6 +12,7 @@ help:
 	@echo "make check      the same without the tests"
 	@echo "make bench      measure the world's speed beside the bare SUMO loop"
 	@echo "make calibration  run every estimator on problems with known answers (an hour or more)"
+	@echo "make drivers DATA=DIR  train the shipped weights again and remake their cards (hours on one core)"
 	@echo "make format     put the sources into their form"
 
 # The search is kept near the base (--max-kl) and to the starts (--mean-box): with 20,000 rollouts the paper's own settings
@@ -35,6 +36,17 @@ bench: $(VENV)/.installed
 # Every method on every problem with a known answer over 200 seeds: an hour or more; goes on where it was interrupted.
 calibration: $(VENV)/.installed-dev
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench.ce_calibration
+
+# Everything in policies/weights, in this order: the ego drives among the drivers, the thresholds are theirs and its.
+# Each step goes on where it was interrupted. DATA: the data pack, or tables of `tailroad data import`.
+WEIGHTS ?= policies/weights
+drivers: $(VENV)/.installed-dev
+	@test -n "$(DATA)" || { echo "make drivers needs DATA=DIR: the data pack, or tables of 'tailroad data import'"; exit 2; }
+	OMP_NUM_THREADS=1 $(BIN)/tailroad train drivers-bc --data $(DATA) --out $(WEIGHTS) --seed 1
+	OMP_NUM_THREADS=1 $(BIN)/tailroad train drivers --data $(DATA) --out $(WEIGHTS) --seed 1
+	OMP_NUM_THREADS=1 $(BIN)/tailroad train ego-lidar --data $(DATA) --out $(WEIGHTS) --seed 1
+	$(BIN)/tailroad train thresholds --scenario i80-10s --ego lidar --ego idm --rollouts 100000 --splitting 20000 \
+	  --seed 1 --out build/thresholds --card $(WEIGHTS)/drivers-gail.json
 
 format: $(VENV)/.installed-dev
 	$(BIN)/ruff format .
