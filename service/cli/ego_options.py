@@ -16,14 +16,18 @@ from service.egos.open import REMOTE, check_ego
 from service.egos.settings import PYTHON_EGO, EgoSettings
 
 
-def ego_option(default: str = "lidar") -> Callable:
-    """`--ego`, `--ego-address`, `--ego-deadline` and `--ego-patience`; the command is given `ego` alone."""
+def ego_option(default: str = "lidar", multiple: bool = False) -> Callable:
+    """`--ego`, `--ego-address`, `--ego-deadline` and `--ego-patience`; the command is given `ego` alone.
+
+    multiple: `--ego` may come several times; `ego` is then a tuple, and there is no default.
+    """
     options = [
         click.option(
             "--ego",
-            default=default,
-            show_default=True,
-            callback=_permit,
+            default=None if multiple else default,
+            show_default=not multiple,
+            multiple=multiple,
+            callback=_permit_each if multiple else _permit,
             help=f"The driving policy under test: {', '.join(ego_names())}, zenoh:NAME for a service on the network, "
             "or MODULE:CLASS for a class of your own.",
         ),
@@ -66,6 +70,10 @@ def _keep(field: str) -> Callable:
             os.environ.update(replace(EgoSettings.from_environment(), **{field: value}).as_environment())
 
     return callback
+
+
+def _permit_each(ctx: click.Context, param: click.Parameter, egos: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(_permit(ctx, param, ego) for ego in egos)
 
 
 def _permit(ctx: click.Context, param: click.Parameter, ego: str) -> str:

@@ -6,12 +6,14 @@ import click
 import msgspec
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from service.cli.options import core_count, json_option, workers_option
 from service.cli.progress import progress_bar
 from service.cli.runs import method_option, open_record, run_argument
 from service.failures.events import ORDERS, Order
-from service.failures.find import EXAMINED, failures_of
+from service.failures.examine import EXAMINED
+from service.failures.find import failures_of
 from service.failures.objects import Failures
 from service.wording import significant
 
@@ -65,7 +67,7 @@ def _print(run: Path, found: Failures) -> None:
         for mode in found.modes:
             (share_low, share_high), (low, high) = mode.share_ci, mode.ci
             table.add_row(
-                mode.name,
+                Text(mode.mode, no_wrap=True),
                 f"{mode.events:,}",
                 f"{mode.share:.1%}",
                 f"{share_low:.0%} to {share_high:.0%}",
@@ -75,15 +77,16 @@ def _print(run: Path, found: Failures) -> None:
             )
         console.print(table)
         for mode in found.modes:
+            console.print(f"[bold]{mode.mode}[/bold]: {mode.name}.", highlight=False)
             if mode.typical:
-                console.print(f"[bold]{mode.mode}[/bold]: {mode.typical}", highlight=False)
+                console.print(f"  Typically {mode.typical}.", style="dim", highlight=False)
     if found.failures:
         table = Table("rank", "f, s", "failure mode", "other", "at, s", "log p0(x)", "weight", "share", "row")
         for failure in found.failures:
             table.add_row(
                 str(failure.rank),
                 significant(failure.f),
-                failure.mode,
+                Text(failure.mode, no_wrap=True),
                 failure.other or "-",
                 "-" if failure.motion is None else f"{failure.motion.time_s:.1f}",
                 f"{failure.log_likelihood:.1f}",

@@ -9,9 +9,9 @@ from service.cli.options import json_option, require_folder
 from service.cli.runs import method_option, open_record, run_argument
 from service.errors import InputError, SimulationError
 from service.failures.events import ORDERS, Order, events_of
-from service.failures.find import told
 from service.failures.rerun import look
 from service.failures.scenario_file import scenario_text
+from service.failures.tell import failure_told
 from service.trace import write_table
 from service.wording import significant
 
@@ -68,7 +68,7 @@ def command(
         again = look(problem, simulator, x, noise)
     if again.trace is None:
         raise SimulationError(f"the rollout failed: {again.error}")
-    failure = told(events, position, again, rank)
+    failure = failure_told(events, position, again, rank)
     title = f"{run.name}, rank {rank} by {order}: {failure.mode}"
     if table is not None:
         write_table(again.trace, table)

@@ -16,7 +16,7 @@ from scipy.cluster.hierarchy import ClusterNode, linkage, to_tree
 from service.failures.kinds import kind_of
 from service.failures.motion import Motion
 
-AGREE = 0.9  # of a group's rollouts fall under the rule that it is named by
+AGREE = 0.95  # of a group's rollouts fall under the rule that it is named by
 UNNAMED_WITHIN = 2.0  # groups without a name are split until their mean distance is below this
 FAR = 3.0  # numbers count up to so many of their scales: nothing is told apart by being far beyond
 

@@ -8,7 +8,9 @@ from scipy.special import betaincinv
 import ce
 
 
-def share_interval(member: np.ndarray, weight: np.ndarray, confidence: float, worth: float | None = None):
+def share_interval(
+    member: np.ndarray, weight: np.ndarray, confidence: float, worth: float | None = None
+) -> tuple[float, float, float]:
     """Share of the members (n, bool) in the weighted events, with its interval: (share, low, high).
 
     The share is the ratio estimator sum w 1{member} / sum w. Its interval is Korn and Graubard's (Survey Methodology
@@ -32,15 +34,12 @@ def share_interval(member: np.ndarray, weight: np.ndarray, confidence: float, wo
     return share, low, high
 
 
-def p_of_mode(estimate: ce.Estimate, rows: np.ndarray, stop: int) -> tuple[float, float, float]:
-    """Probability of a smaller event, {f <= gamma} in this mode, with the estimate's own kind of interval.
+def mode_estimate(estimate: ce.Estimate, rows: np.ndarray, stop: int) -> ce.Estimate:
+    """The estimate of a smaller event: {f <= gamma} in one mode, from the first `stop` rollouts.
 
-    rows: of the mode's rollouts; stop: rollouts from this row on are left out, as their modes are not known. The
-    first `stop` rollouts are as good a sample as all.
+    rows: of the mode's rollouts, all below `stop`. The first `stop` rollouts are as good a sample as all of them.
     """
     f = np.where(estimate.f[:stop] <= estimate.gamma, np.inf, estimate.f[:stop])
     f[rows] = estimate.f[rows]
     log_weights = None if estimate.log_weights is None else estimate.log_weights[:stop]
-    part = replace(estimate, f=f, log_weights=log_weights)
-    low, high = part.ci
-    return part.p, low, min(high, max(estimate.ci[1], part.p))
+    return replace(estimate, f=f, log_weights=log_weights)

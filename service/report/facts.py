@@ -18,11 +18,10 @@ from service.report import words
 from service.report.dangerous import Retold
 from service.scenario.base import PER_VEHICLE
 from service.summary import Cost, comparisons, summary_of, variance_reliable
+from service.thresholds import curve_gammas
 
 FORMAT = 1
 FAILURES_LISTED = 20
-CURVE_POINTS = 60
-CURVE_SPAN = 4.0  # the curve runs from gamma / CURVE_SPAN to gamma * CURVE_SPAN
 PACKAGES = ("tailroad", "libsumo", "numpy", "scipy", "numba", "cvxpy")
 XI_OUTPUTS = ("mean acceleration", "mean turn rate", "log spread of acceleration", "log spread of turn rate")
 TOP_SHIFTS = 8
@@ -71,22 +70,6 @@ def facts_of(
         "versions": _versions(first.tailroad),
     }
     return json_ready(facts)
-
-
-def curve_gammas(records: Sequence[JobRecord]) -> np.ndarray:
-    """Thresholds worth showing: around gamma, not below the lowest f that any job has met."""
-    gamma = records[0].job.gamma
-    met = np.concatenate([r.estimate.f[np.isfinite(r.estimate.f)] for r in records])
-    lowest = float(met.min()) if met.size else gamma
-    if gamma > 0:
-        low = min(max(gamma / CURVE_SPAN, lowest), gamma)
-        grid = np.geomspace(low, gamma * CURVE_SPAN, CURVE_POINTS) if low > 0 else None
-    else:
-        grid = None
-    if grid is None:
-        spread = abs(gamma) or 1.0
-        grid = np.linspace(gamma - spread, gamma + spread, CURVE_POINTS)
-    return np.unique(np.append(grid, gamma))
 
 
 def _job(record: JobRecord, against_naive: dict[str, Any] | None, gammas: np.ndarray) -> dict[str, Any]:

@@ -16,20 +16,33 @@ from service.report.dangerous import Retold
 from service.report.ink import Picture
 
 FOLDER = Path(__file__).parent
-SECTIONS = (  # a template each, in this order; the first is the page's head
-    "answer",
-    "comparison",
-    "estimates",
-    "search",
-    "dangerous",
-    "failures",
-    "method",
-    "reproduce",
-)
+SECTIONS = {  # a template each, in this order, with its title in the list of sections; the first is the page's head
+    "answer": "",
+    "comparison": "Methods compared",
+    "estimates": "Estimates",
+    "search": "The search",
+    "dangerous": "Most dangerous rollouts",
+    "failures": "Failed rollouts",
+    "method": "Method and limits",
+    "reproduce": "Reproduce",
+}
 
 
 def page_of(facts: dict[str, Any], records: Sequence[JobRecord], retold: Sequence[Retold]) -> str:
     """The page, self-contained: style and pictures are inside it."""
+    return render(
+        "page.html",
+        facts=facts,
+        sections=list(SECTIONS),
+        titles=[(section, title) for section, title in SECTIONS.items() if title],
+        pictures=Pictures(facts, records, retold),
+        scenario_json=msgspec.json.format(msgspec.json.encode(facts["scenario"]["file"])).decode(),
+        colours={"ego": ink.EGO, "threat": ink.THREAT, "other": ink.OTHER},
+    )
+
+
+def render(template: str, **values: Any) -> str:
+    """A page of a template in `templates/`."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(FOLDER / "templates"),
         autoescape=True,
@@ -47,14 +60,8 @@ def page_of(facts: dict[str, Any], records: Sequence[JobRecord], retold: Sequenc
         "colour": ink.colour,
         "exact": _exact,
     }
-    return environment.get_template("page.html").render(
-        facts=facts,
-        sections=SECTIONS,
-        style=Markup((FOLDER / "style.css").read_text(encoding="utf-8")),
-        pictures=Pictures(facts, records, retold),
-        scenario_json=msgspec.json.format(msgspec.json.encode(facts["scenario"]["file"])).decode(),
-        colours={"ego": ink.EGO, "threat": ink.THREAT, "other": ink.OTHER},
-    )
+    style = Markup((FOLDER / "style.css").read_text(encoding="utf-8"))
+    return environment.get_template(template).render(style=style, **values)
 
 
 def _exact(value: float | None) -> str:

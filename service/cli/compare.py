@@ -1,0 +1,236 @@
+"""`tailroad compare`: two egos on the same draws, or two runs."""
+
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import click
+import msgspec
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+import ce
+from service.campaign import Watcher, run_job
+from service.cli.ego_options import ego_option
+from service.cli.main import INTERRUPTED
+from service.cli.options import core_count, finite, json_option, seed_option, workers_option
+from service.cli.progress import progress_bar, stderr
+from service.cli.runs import open_record
+from service.comparison.compare import comparison_of
+from service.comparison.objects import Comparison, ModeChange
+from service.errors import InputError, StoreError
+from service.failures.examine import EXAMINED
+from service.job import Job, make_job
+from service.record import JobRecord, replay
+from service.scenario import load_scenario
+from service.scenario.check import check_road
+from service.store import Chunk, RunDirectory
+from service.wording import significant
+
+
+@click.command()
+@click.argument("what", nargs=-1, required=True, metavar="SCENARIO | RUN_A RUN_B")
+@ego_option(multiple=True)
+@click.option("--gamma", type=float, callback=finite, help="SCENARIO: the event is f <= GAMMA (s).")
+@click.option("--method", type=click.Choice(ce.METHODS), help="SCENARIO: how p is estimated.  [default: naive]  "
+              "RUN_A RUN_B: which of their jobs.  [default: one that both have]")  # fmt: skip
+@click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True,
+              help="SCENARIO: rollouts of each ego at most.")  # fmt: skip
+@seed_option()
+@click.option("--examine", type=click.IntRange(0), default=EXAMINED, show_default=True,
+              help="Dangerous rollouts of each at most to run again and group into failure modes.")  # fmt: skip
+@click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="SCENARIO: folder for the two run "
+              "directories; what it holds already is continued.  [default: runs/compare-SCENARIO-TIME]")  # fmt: skip
+@click.option("--html", type=click.Path(dir_okay=False, path_type=Path), help="Write a page to this file.")
+@workers_option()
+@json_option()
+def command(
+    what: tuple[str, ...],
+    ego: tuple[str, ...],
+    gamma: float | None,
+    method: str | None,
+    budget: int,
+    seed: int,
+    examine: int,
+    out: Path | None,
+    html: Path | None,
+    workers: int | None,
+    as_json: bool,
+) -> None:
+    """Compare two egos on SCENARIO (--ego A --ego B), run on the same draws, or two finished runs RUN_A and RUN_B.
+
+    B against A: difference and ratio of p with intervals, p(gamma) of both, and which ways to fail came and went.
+    """
+    count = workers or core_count()
+    if len(what) == 1:
+        runs, records = _run_both(what[0], ego, gamma, method or "naive", budget, seed, out, count)
+    elif len(what) == 2:
+        if ego or gamma is not None or out is not None:
+            raise InputError("two runs have their own egos and gamma: leave out --ego, --gamma and --out")
+        runs = Path(what[0]), Path(what[1])
+        records = _open_both(runs, method)
+    else:
+        raise InputError(f"give one scenario with two --ego, or two run directories, not {len(what)} names")
+    with progress_bar() as bar:
+        task = bar.add_task("dangerous rollouts", total=None, note="")
+        found = comparison_of(
+            *records,
+            (str(runs[0]), str(runs[1])),
+            examine,
+            count,
+            runs,
+            lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    if html is not None:
+        from service.report.comparison import write_comparison
+
+        write_comparison(found, html)
+    if as_json:
+        click.echo(msgspec.json.format(msgspec.json.encode(found), indent=2).decode())
+        return
+    _print(found)
+    if html is not None:
+        click.echo(f"Page: {html}")
+
+
+def _run_both(
+    name: str,
+    egos: tuple[str, ...],
+    gamma: float | None,
+    method: str,
+    budget: int,
+    seed: int,
+    out: Path | None,
+    workers: int,
+) -> tuple[tuple[Path, Path], tuple[JobRecord, JobRecord]]:
+    """Run both egos, each into its own run directory, as far as it is not there already."""
+    if len(egos) != 2 or egos[0] == egos[1]:
+        given = f"{', '.join(egos)}" if egos else "none"
+        raise InputError(f"--ego: give two different egos, as in --ego idm --ego lidar, not {given}")
+    if gamma is None:
+        raise InputError("give the event's threshold, as in --gamma 0.5 (seconds of time to collision)")
+    scenario = load_scenario(name)
+    check_road(scenario, name)
+    jobs = [make_job(scenario, ego, gamma, method, seed, {"budget": budget}) for ego in egos]
+    folder = out or Path("runs") / f"compare-{scenario.name}-{datetime.now():%Y%m%d-%H%M%S}"
+    paths = tuple(folder / f"{side}-{_plain(ego)}" for side, ego in zip("ab", egos, strict=True))
+    records = []
+    try:
+        for job, path in zip(jobs, paths, strict=True):
+            with _opened(path, job) as store:
+                _run(store, job, workers)
+                records.append(replay(store, job))
+    except KeyboardInterrupt:
+        stderr.print(
+            f"\nInterrupted; what was run is kept. Continue with the same command and --out {folder}"
+        )
+        raise SystemExit(INTERRUPTED) from None
+    return (paths[0], paths[1]), (records[0], records[1])
+
+
+def _plain(ego: str) -> str:
+    return "".join(c if c.isalnum() or c in "._-" else "-" for c in ego)
+
+
+def _opened(path: Path, job: Job) -> RunDirectory:
+    if not (path / "run.json").exists():
+        return RunDirectory.create(path, (job,))
+    store = RunDirectory.open(path)
+    if store.jobs != (job,):
+        store.close()
+        raise StoreError(f"{path} holds a run of another question; give another --out")
+    return store
+
+
+def _run(store: RunDirectory, job: Job, workers: int) -> None:
+    with progress_bar() as bar:
+        task = bar.add_task(f"{job.ego}: starting {workers} workers", total=None, note="")
+
+        def on_job(job: Job, total: int) -> None:
+            bar.update(task, total=total, description=job.ego)
+            if not stderr.is_terminal:
+                click.echo(
+                    f"{job.ego}: at most {total:,} rollouts on {workers} workers, run {store.path}", err=True
+                )
+
+        def on_chunk(chunk: Chunk, replayed: bool) -> None:
+            bar.update(task, advance=chunk.stop - chunk.start)
+
+        def on_record(state: Any, record: ce.TrainingRecord | ce.EstimationRecord) -> None:
+            if isinstance(record, ce.EstimationRecord):
+                bar.update(task, note=f"p = {record.p:.3g} [{record.low:.2g}, {record.high:.2g}]")
+
+        run_job(store, job, workers, Watcher(on_job, on_chunk, on_record))
+
+
+def _open_both(runs: tuple[Path, Path], method: str | None) -> tuple[JobRecord, JobRecord]:
+    """The records of the two runs' jobs: of the method given, else of the first that both have, else the best of each.
+
+    Raises StoreError where a run cannot be read and InputError where it has no such method.
+    """
+    if method is None:
+        names = []
+        for run in runs:
+            with RunDirectory.open(run) as store:
+                names.append([job.id for job in store.jobs])
+        method = next((name for name in names[0] if name in names[1]), None)
+    return open_record(runs[0], method)[0], open_record(runs[1], method)[0]
+
+
+def _print(found: Comparison) -> None:
+    console = Console()
+    a, b = found.a, found.b
+    level = f"{found.confidence:.0%}"
+    console.print(f"\nB against A: p = P0(f <= {found.gamma:g})")
+    table = Table("", f"A: {a.name}", f"B: {b.name}")
+    rows = [
+        ("scenario, ego", [f"{s.scenario}, {s.ego}" for s in (a, b)]),
+        ("method, rollouts", [f"{s.method}, {s.rollouts:,}" for s in (a, b)]),
+        ("p", [significant(s.p) for s in (a, b)]),
+        (f"{level} interval", [_span(s.ci) for s in (a, b)]),
+        ("dangerous rollouts (effective)", [f"{s.events:,} ({significant(s.ess)})" for s in (a, b)]),
+    ]
+    for label, values in rows:
+        table.add_row(label, *values)
+    console.print(table)
+    d = found.difference
+    table = Table("", "B and A", f"{level} interval", "how")
+    how = {"normal": "normal", "paired counts": "exact, of the pairs", "bounds": "bounds of both intervals"}[
+        d.how
+    ]
+    table.add_row("difference of p", significant(d.difference), _span(d.difference_ci), how)
+    table.add_row(
+        "ratio of p", significant(d.ratio), _span(d.ratio_ci), "same draws" if d.paired else "own draws"
+    )
+    console.print(table)
+    if found.pairs is not None:
+        p = found.pairs
+        console.print(
+            f"Of the same draws, {p.both:,} are dangerous to both, {p.only_a:,} to {a.name} only, "
+            f"{p.only_b:,} to {b.name} only.", highlight=False,
+        )  # fmt: skip
+    if found.modes:
+        table = Table("failure mode", "A: p", "B: p", "difference", f"{level} interval", "")
+        for mode in found.modes:
+            table.add_row(
+                Text(mode.mode, no_wrap=True),
+                significant(mode.a.p, 2),
+                significant(mode.b.p, 2),
+                significant(mode.difference.difference, 2),
+                _span(mode.difference.difference_ci),
+                _change(mode),
+            )
+        console.print(table)
+    console.print(found.said, highlight=False)
+    for note in found.notes:
+        console.print(f"[yellow]{note}[/yellow]")
+
+
+def _change(mode: ModeChange) -> str:
+    return mode.change if mode.difference.clear or mode.change == "unclear" else f"{mode.change}?"
+
+
+def _span(ci: tuple[float, float | None]) -> str:
+    low, high = ci
+    return f"{significant(low, 2)} to {'∞' if high is None else significant(high, 2)}"
