@@ -16,6 +16,15 @@ def leaders(scene: Scene) -> np.ndarray:
     return found
 
 
+def leader_of(scene: Scene, v: int) -> np.ndarray:
+    """The same (F,) for one column."""
+    ahead = (scene.lane == scene.lane[:, v : v + 1]) & (scene.station > scene.station[:, v : v + 1])
+    distance = np.where(ahead, scene.station - scene.station[:, v : v + 1], np.inf)
+    nearest = distance.argmin(axis=1)
+    known = ahead.any(axis=1) & (scene.lane[:, v] >= 0)
+    return np.where(known, nearest, -1)
+
+
 def bumper_gaps(scene: Scene, ahead: np.ndarray) -> np.ndarray:
     """Distance (F, N) in m from each front bumper to the rear bumper of `ahead` (see leaders); NaN without one."""
     safe = np.maximum(ahead, 0)

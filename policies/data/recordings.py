@@ -31,14 +31,17 @@ EVENT_GAP_M = 60.0
 
 @dataclass(frozen=True)
 class Recordings:
-    """sites: scenes by site ("i80" and "us101" of the pack, "tables" otherwise); following (events, steps, 3): gap m,
-    own speed, leader's speed m/s at 10 Hz, NaN after an event's end; files: sha256 by name; passed_over: recordings
-    that are no scenes, and why."""
+    """sites: scenes by site: "i80" and "us101" of the pack, or each road of tables, called by its first recording.
+
+    following (events, steps, 3): gap m, own speed, leader's speed m/s at 10 Hz, NaN after an event's end; files: sha256
+    by name; passed_over: recordings that are no scenes, and why; from_pack: `following` is Zhu's, not the scenes' own.
+    """
 
     sites: dict[str, list[Scene]]
     following: np.ndarray
     files: dict[str, str]
     passed_over: list[str]
+    from_pack: bool = False
 
     @property
     def scenes(self) -> list[Scene]:
@@ -51,7 +54,7 @@ def load_recordings(data: Path | str) -> Recordings:
     if (data / I80_FILE).is_file():
         names: list[str] = [I80_FILE, I80_LANES, US101_FILE, US101_LANES, ZHU_FILE]
         sites = {"i80": [read_i80(data)], "us101": read_us101(data)}
-        return Recordings(sites, zhu_events(data), _digests(data, names), [])
+        return Recordings(sites, zhu_events(data), _digests(data, names), [], from_pack=True)
     if is_table(data):
         scenes, passed_over = read_tables(data)
         folder = data if data.is_dir() else data.parent
@@ -73,7 +76,7 @@ def zhu_events(data: Path) -> np.ndarray:
         part.select("spacing_m", "foll_v_mps", "lead_v_mps").to_numpy()
         for _, part in table.group_by("event", maintain_order=True)
     ]
-    return _stacked(events)
+    return stacked(events)
 
 
 def following_events(scenes: list[Scene]) -> np.ndarray:
@@ -96,10 +99,11 @@ def following_events(scenes: list[Scene]) -> np.ndarray:
         raise DataError(
             f"no vehicle follows another in one lane for {EVENT_S[0]:g} s; longer recordings are needed"
         )
-    return _stacked(events)
+    return stacked(events)
 
 
-def _stacked(events: list[np.ndarray]) -> np.ndarray:
+def stacked(events: list[np.ndarray]) -> np.ndarray:
+    """Events (steps, 3) of different lengths as one array, NaN after each one's end."""
     out = np.full((len(events), max(len(e) for e in events), 3), np.nan)
     for i, event in enumerate(events):
         out[i, : len(event)] = event

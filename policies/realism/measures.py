@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from policies.data.neighbours import bumper_gaps, leaders
+from policies.data.neighbours import leader_of
 from policies.data.scenes import EDGE_FRAMES, Scene, smoothed_motion
-from policies.data.smoothing import derivative
 from policies.realism.driven import Driven
 from policies.realism.lane_changes import crossings
 
@@ -63,13 +62,16 @@ def resmoothed(driven: Driven) -> Scene:
 def quantities(scene: Scene, who: np.ndarray, every: int = 5) -> dict[str, Values]:
     """QUANTITIES of columns `who` at every `every`-th frame, ends left out (smoothing is one-sided there)."""
     rows = np.arange(EDGE_FRAMES, len(scene.frame) - EDGE_FRAMES - 1, every)
-    ahead = leaders(scene)
-    gap = bumper_gaps(scene, ahead)[:, who]
-    lead = np.maximum(ahead[:, who], 0)
+    if not len(who):
+        return {name: Values(np.zeros(0), np.zeros(0, np.int64)) for name in QUANTITIES}
+    ahead = np.column_stack([leader_of(scene, int(v)) for v in who])
+    lead = np.maximum(ahead, 0)
     frames = np.arange(len(scene.frame))[:, None]
+    half = 0.5 * (scene.length_m[lead] + scene.length_m[who])
+    gap = np.where(ahead >= 0, scene.station[frames, lead] - scene.station[:, who] - half, np.nan)
     speed = scene.speed[:, who]
     closing = speed - scene.speed[frames, lead]
-    jerk = np.array([derivative(np.nan_to_num(scene.accel[:, v])) for v in who]).reshape(len(who), -1).T
+    jerk = np.gradient(np.nan_to_num(scene.accel[:, who]), scene.dt_s, axis=0, edge_order=2)
     with np.errstate(divide="ignore", invalid="ignore"):
         headway = np.where(speed > MOVING_MPS, (gap + scene.length_m[lead]) / speed, np.nan)
         ttc = np.where((closing > 0.0) & (gap > 0.0), gap / closing, np.nan)
@@ -90,23 +92,22 @@ def quantities(scene: Scene, who: np.ndarray, every: int = 5) -> dict[str, Value
     return out
 
 
-def touching(scene: Scene) -> np.ndarray:
-    """(F, N): the box, parallel to the road, overlaps another's."""
-    found = np.zeros(scene.lane.shape, dtype=bool)
-    for f in range(len(scene.frame)):
-        here = np.flatnonzero(scene.present[f] & np.isfinite(scene.station[f]))
-        s, d = scene.station[f, here], scene.lateral[f, here]
-        length, width = scene.length_m[here], scene.width_m[here]
-        overlap = np.abs(s[:, None] - s) < 0.5 * (length[:, None] + length)
-        overlap &= np.abs(d[:, None] - d) < 0.5 * (width[:, None] + width)
-        np.fill_diagonal(overlap, False)
-        found[f, here] = overlap.any(axis=1)
+def touching(scene: Scene, who: np.ndarray) -> np.ndarray:
+    """(F, n): the box of each column of `who`, parallel to the road, overlaps another's."""
+    found = np.zeros((len(scene.frame), len(who)), dtype=bool)
+    for i, v in enumerate(who):
+        apart = np.abs(scene.station - scene.station[:, v : v + 1])
+        aside = np.abs(scene.lateral - scene.lateral[:, v : v + 1])
+        overlap = apart < 0.5 * (scene.length_m + scene.length_m[v])
+        overlap &= (aside < 0.5 * (scene.width_m + scene.width_m[v])) & scene.present
+        overlap[:, v] = False
+        found[:, i] = overlap.any(axis=1)
     return found
 
 
 def counts(scene: Scene, who: np.ndarray, accel: np.ndarray) -> list[Counts]:
     """Counts of columns `who`; accel: (T, n) as applied."""
-    contact = touching(scene)
+    contact = touching(scene, who)
     half = 0.5 * len(scene.road.lane_left) * scene.road.lane_width_m
     rows = []
     for i, v in enumerate(who):
@@ -114,7 +115,7 @@ def counts(scene: Scene, who: np.ndarray, accel: np.ndarray) -> list[Counts]:
         rows.append(
             Counts(
                 len(s),
-                int(contact[:, v].sum()),
+                int(contact[:, i].sum()),
                 int((accel[:-1, i] <= HARD_BRAKE_MPS2).sum()),
                 int((np.abs(scene.lateral[:, v]) > half).sum()),
                 len(crossings(scene.lane[:, v], scene.dt_s)),

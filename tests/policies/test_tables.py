@@ -102,7 +102,7 @@ def test_leaders_and_gaps_are_those_of_the_lane(official):
 
 def test_car_following_events_come_from_the_scenes(official):
     found = R.load_recordings(official)
-    assert list(found.sites) == ["tables"]
+    assert [len(scenes) for scenes in found.sites.values()] == [1]
     assert list(found.files) == ["trajectories-0400.parquet"]
     assert found.following.shape[2] == 3
     assert np.nanmedian(found.following[:, :, 0]) == pytest.approx(18.0 - 15.0 * FOOT, abs=0.1)
