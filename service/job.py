@@ -12,6 +12,7 @@ import ce
 from policies.drivers import DriverModel, load_drivers
 from service.egos.open import check_ego, open_ego
 from service.errors import InputError, StoreError
+from service.safety.measure import open_monitor
 from service.scenario.base import base_distribution
 from service.scenario.check import check_road
 from service.scenario.schema import Scenario
@@ -56,6 +57,7 @@ def make_job(
         weights_sha256=_weights_digest(load_drivers(scenario.drivers.weights)),
     )
     check_ego(ego)
+    open_monitor(scenario, len(scenario.vehicles))
     ce.algorithm(method, _TINY_BASE, gamma, _options(method, options))
     return job
 

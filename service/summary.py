@@ -6,6 +6,7 @@ from typing import Any
 
 import ce
 from service.job import Job
+from service.scenario.measures import measure_kind
 
 # warnings under which an importance-sampling variance estimate is itself unreliable
 SHAKY = {"no-rollouts", "no-events", "few-events", "dominant-weight", "heavy-tailed-weights"}
@@ -35,6 +36,8 @@ def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost") -> dict[str, Any]:
         "converged": estimate.converged,
         "warnings": [{"name": w.name, "message": w.message, "remedy": w.remedy} for w in estimate.warnings],
         "scenario": job.scenario.name,
+        "measure": job.scenario.safety.measure,
+        "unit": measure_kind(job.scenario.safety.measure).unit,
         "ego": job.ego,
         "seed": job.seed,
         "options": job.options,

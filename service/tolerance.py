@@ -26,8 +26,8 @@ class Tolerance:
             row, reason = next(iter(sorted(chunk.errors.items())), (0, "no reason recorded"))
             raise TooManyFailures(
                 f"{self._failed + failed} of {rollouts} rollouts failed, more than the share {self.max_failed:g} that "
-                f"is tolerated; rollout {chunk.start + row}: {reason}. What was run before is kept: put the ego right and "
-                "continue with --resume, or allow more with --max-failed"
+                f"is tolerated; rollout {chunk.start + row}: {reason}. What was run before is kept: put the ego right "
+                "and continue with --resume, or allow more with --max-failed"
             )
         self._failed += failed
         self._rollouts = rollouts

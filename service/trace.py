@@ -30,7 +30,7 @@ class Trace:
     """What happened at each of T states of a rollout, the start and the end included.
 
     agents: (T, vehicles, columns of service.agents); ttc_s: (T,) the ego's time to collision; actions: (T - 1, 2) the
-    ego's acceleration (m/s^2) and turn rate (rad/s).
+    ego's acceleration (m/s^2) and turn rate (rad/s); measured: (T,) the scenario's safety `measure` at each state.
     """
 
     names: tuple[str, ...]
@@ -41,6 +41,8 @@ class Trace:
     actions: np.ndarray
     station_spacing_m: float
     rollout: Rollout
+    measure: str
+    measured: np.ndarray
 
     @property
     def station_m(self) -> np.ndarray:
@@ -66,6 +68,7 @@ class Trace:
         ):
             columns[name] = self.agents[:, :, column].ravel() != 0.0
         columns["ttc_s"] = np.repeat(self.ttc_s, vehicles)
+        columns["f"] = np.repeat(self.measured, vehicles)
         active = self.agents[:, :, A.ACTIVE].ravel() != 0.0
         return pl.DataFrame(columns).filter(pl.Series(active))
 
@@ -89,6 +92,7 @@ def record(problem: Problem, simulator: Simulator, x: np.ndarray, noise: int) ->
     """Run the rollout of x (d,) and its noise seed once more, and record it."""
     recorder = _Recorder()
     rollout = simulator.run(x, noise, recorder)
+    measured = simulator.measured() if rollout.error is None else np.full(len(recorder.ttc_s), np.nan)
     scenario = problem.job.scenario
     return Trace(
         names=tuple(vehicle.name for vehicle in scenario.vehicles),
@@ -99,6 +103,8 @@ def record(problem: Problem, simulator: Simulator, x: np.ndarray, noise: int) ->
         actions=np.array(recorder.actions).reshape(-1, 2),
         station_spacing_m=float(problem.corridor.ds_m),
         rollout=rollout,
+        measure=scenario.safety.measure,
+        measured=np.array(recorder.ttc_s) if measured is None else measured,
     )
 
 

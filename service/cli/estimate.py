@@ -15,11 +15,19 @@ import ce
 from service.campaign import Watcher, run_job
 from service.cli.ego_options import ego_option
 from service.cli.main import INTERRUPTED
-from service.cli.options import core_count, finite, json_option, seed_option, workers_option
+from service.cli.options import (
+    core_count,
+    finite,
+    json_option,
+    measure_option,
+    seed_option,
+    workers_option,
+)
 from service.cli.progress import progress_bar, stderr
 from service.egos.open import meet_ego
 from service.errors import InputError
 from service.job import Job, make_job
+from service.safety.measure import with_measure
 from service.scenario import load_scenario
 from service.scenario.check import check_road
 from service.store import Chunk, RunDirectory
@@ -32,8 +40,12 @@ NOT_PRECISE = 3
 @click.argument("scenario", required=False)
 @ego_option()
 @click.option(
-    "--gamma", type=float, callback=finite, help="The event is f <= GAMMA (s); required for a new run."
+    "--gamma",
+    type=float,
+    callback=finite,
+    help="The event is f <= GAMMA, in the measure's unit; required for a new run.",
 )
+@measure_option()
 @click.option("--method", "methods", multiple=True, type=click.Choice(ce.METHODS), help="Once for each method wanted; "
               "several are compared.  [default: ce]")  # fmt: skip
 @click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True,
@@ -71,6 +83,7 @@ def command(
     scenario: str | None,
     ego: str,
     gamma: float | None,
+    measure: str | None,
     methods: tuple[str, ...],
     budget: int,
     rel_error: float | None,
@@ -112,6 +125,8 @@ def command(
             "max_kl": max_kl,
         }
         loaded = load_scenario(name)
+        if measure is not None:
+            loaded = with_measure(loaded, measure)
         corridor = check_road(loaded, name)
         jobs = []
         for method in dict.fromkeys(methods or ("ce",)):
@@ -192,7 +207,8 @@ def _print(summaries: list[dict[str, Any]], compared: list[dict[str, Any]]) -> N
     console = Console()
     first = summaries[0]
     console.print(
-        f"\np = P0(f <= {first['gamma']:g} s), scenario {first['scenario']}, ego {first['ego']}, seed {first['seed']}"
+        f"\np = P0(f <= {first['gamma']:g} {first['unit']}), f the {first['measure']}, scenario {first['scenario']}, "
+        f"ego {first['ego']}, seed {first['seed']}"
     )
     table = Table("", *[s["method"] for s in summaries])
     against = {c["method"]: c for c in compared}

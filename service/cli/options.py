@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from service.errors import InputError
+from service.scenario.measures import MEASURES
 
 MAX_SEED = 2**63 - 1
 
@@ -18,6 +19,14 @@ def seed_option() -> Callable:
         default=1,
         show_default=True,
         help="Same seed, same bits.",
+    )
+
+
+def measure_option() -> Callable:
+    return click.option(
+        "--measure",
+        help=f"The safety measure, in place of the scenario's: {', '.join(MEASURES)}; a formula as in "
+        "'stl: always(ttc_s >= 1.0)'.",
     )
 
 

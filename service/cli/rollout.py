@@ -1,6 +1,7 @@
 """`tailroad rollout`: one rollout, seen in every way."""
 
 import json
+import math
 from pathlib import Path
 
 import click
@@ -8,12 +9,14 @@ import click
 import ce
 from service import agents as A
 from service.cli.ego_options import ego_option
-from service.cli.options import json_option, require_folder, seed_option
+from service.cli.options import json_option, measure_option, require_folder, seed_option
 from service.errors import SimulationError
 from service.job import Problem, make_job
+from service.safety.measure import with_measure
 from service.scenario import load_scenario
 from service.scenario.check import check_road
 from service.scenario.fixed import fixed_draw, released
+from service.scenario.measures import measure_kind
 from service.trace import record, write_table
 
 FILE = click.Path(dir_okay=False, path_type=Path)
@@ -22,6 +25,7 @@ FILE = click.Path(dir_okay=False, path_type=Path)
 @click.command()
 @click.argument("scenario", default="i80")
 @ego_option()
+@measure_option()
 @seed_option()
 @click.option("--video", type=FILE, help="Top-down film (.mp4).")
 @click.option("--trace", "table", type=FILE, help="Every vehicle at every step (.parquet).")
@@ -30,6 +34,7 @@ FILE = click.Path(dir_okay=False, path_type=Path)
 def command(
     scenario: str,
     ego: str,
+    measure: str | None,
     seed: int,
     video: Path | None,
     table: Path | None,
@@ -40,6 +45,8 @@ def command(
     for path, what in ((video, "--video"), (table, "--trace"), (fcd, "--fcd")):
         require_folder(path, what)
     loaded = load_scenario(scenario)
+    if measure is not None:
+        loaded = with_measure(loaded, measure)
     check_road(loaded, scenario)
     fixed = loaded.fixed
     if fixed is not None and fixed.ego is not None and not _given("ego"):
@@ -63,30 +70,34 @@ def command(
         from service.video import write_video
 
         write_video(trace, problem.corridor, video, title=f"{scenario}, ego {ego}, seed {seed}")
+    kind = measure_kind(loaded.safety.measure)
     summary = {
         "scenario": scenario,
         "ego": ego,
         "seed": seed,
-        "f": result.f if result.f < float("inf") else None,
+        "f": result.f if math.isfinite(result.f) else None,
+        "measure": loaded.safety.measure,
+        "unit": kind.unit,
         "outcome": result.outcome,
         "steps": result.steps,
         "time_s": round(result.steps * problem.job.scenario.time.step_s, 3),
         "ego_mean_speed_mps": float(trace.agents[:, trace.ego, A.SPEED_MPS].mean()),
     }
-    if fixed is not None and fixed.f is not None and ego == fixed.ego:
+    if fixed is not None and fixed.f is not None and ego == fixed.ego and measure is None:
         summary |= {"f_on_record": fixed.f, "same_to_the_bit": fixed.f == result.f}
     if as_json:
         click.echo(json.dumps(summary, indent=2))
         return
     click.echo(
         f"{scenario}, ego {ego}, seed {seed}: {result.outcome} after {summary['time_s']:g} s, "
-        f"smallest time to collision {result.f:.3f} s, mean speed {summary['ego_mean_speed_mps']:.1f} m/s"
+        f"{kind.words} {result.f:.3f}{' ' if kind.unit else ''}{kind.unit}, "
+        f"mean speed {summary['ego_mean_speed_mps']:.1f} m/s"
     )
     if "same_to_the_bit" in summary:
         click.echo(
             "The same f to the bit as on record."
             if summary["same_to_the_bit"]
-            else f"On record: {fixed.f!r} s."
+            else f"On record: {fixed.f!r}."
         )
     for path in (video, table, fcd):
         if path is not None:

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from policies.drivers import load_drivers
+from service.safety.measure import open_monitor
 from service.scenario.base import PER_VEHICLE, base_distribution
 from service.scenario.check import check_road
 from service.scenario.load import FOLDER, built_in_names, load_scenario
@@ -54,6 +55,7 @@ def check(scenarios: tuple[str, ...]) -> None:
         scenario = load_scenario(name)
         road = check_road(scenario, name)
         base = base_distribution(scenario, load_drivers(scenario.drivers.weights))
+        open_monitor(scenario, len(scenario.vehicles))
         click.echo(
             f"{name}: good. {len(scenario.vehicles)} vehicles on {road.name}, {road.length_m:.0f} m, "
             f"{road.lane_left.shape[0]} lanes; at most {scenario.steps} steps of {scenario.time.step_s:g} s; "

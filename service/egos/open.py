@@ -14,6 +14,11 @@ REMOTE = "zenoh:"
 SERVICE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
+def usable_egos(settings: EgoSettings | None = None) -> list[str]:
+    """Names of the egos that this process can run by itself: those that come with tailroad and the user's classes."""
+    return [*ego_names(), *sorted((settings or EgoSettings.from_environment()).python)]
+
+
 def check_ego(name: str, settings: EgoSettings | None = None) -> None:
     """InputError where this process cannot use an ego of that name, before anything is connected or imported."""
     settings = settings or EgoSettings.from_environment()

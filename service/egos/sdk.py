@@ -10,7 +10,7 @@
     serve(Careful, "careful")         # tailroad rollout i80-10s --ego zenoh:careful
 
 `act` answers acceleration (m/s^2) and turn rate (rad/s), or `Pedals(steering_rad, throttle)`. The class is made anew
-for each worker that calls; each worker runs one rollout at a time. Any policy of `policies.egos` can be served as it is.
+for each worker that calls; a worker runs one rollout at a time. Any policy of `policies.egos` can be served as it is.
 """
 
 import contextlib

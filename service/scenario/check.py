@@ -8,7 +8,17 @@ import numpy as np
 from policies.layout import HEAD_SIZE
 from service.errors import ScenarioError
 from service.scenario.check_camera import check_camera
-from service.scenario.schema import Beta, Distribution, Fixed, RandomWeather, Scenario, TruncatedNormal, Vehicle
+from service.scenario.measures import split_measure
+from service.scenario.schema import (
+    Beta,
+    Distribution,
+    Fixed,
+    RandomWeather,
+    Rss,
+    Scenario,
+    TruncatedNormal,
+    Vehicle,
+)
 from sumo_nets.corridor import Corridor, load_corridor
 from sumo_nets.errors import EdgesError, NetworkError
 
@@ -51,6 +61,13 @@ def check_values(scenario: Scenario, source: str) -> None:
         )
     if abs(scenario.steps * step - scenario.time.horizon_s) > 1e-6:
         refuse("time.horizon_s", scenario.time.horizon_s, f"not a whole number of steps of {step} s")
+    try:
+        split_measure(scenario.safety.measure)
+    except ValueError as error:
+        refuse("safety.measure", scenario.safety.measure, str(error))
+    for name in Rss.__struct_fields__:
+        if not 0.01 <= getattr(scenario.safety.rss, name) <= 100.0:
+            refuse(f"safety.rss.{name}", getattr(scenario.safety.rss, name), "give 0.01 to 100")
     if not 1 <= scenario.safety.rays <= 3600:
         refuse("safety.rays", scenario.safety.rays, "give 1 to 3600 rays; the paper uses 20")
     if not 1 <= len(scenario.vehicles) <= MAX_VEHICLES:

@@ -54,9 +54,22 @@ class Drivers(_Table, frozen=True):
     noise: Literal["drawn", "frozen"] = "drawn"  # a stream for each rollout, or one stream for all
 
 
+class Rss(_Table, frozen=True):
+    """What responsibility-sensitive safety assumes of vehicles (Shalev-Shwartz et al. 2017, Definitions 1 and 6)."""
+
+    response_s: float = 1.0
+    acceleration_mps2: float = 3.5  # of the vehicle behind, during its response time
+    least_braking_mps2: float = 4.0  # that the vehicle behind does then
+    hardest_braking_mps2: float = 8.0  # that the vehicle in front may do
+    lateral_acceleration_mps2: float = 0.2  # towards each other, during the response time
+    lateral_braking_mps2: float = 0.8  # then
+    lateral_margin_m: float = 0.1  # for the small movements within a lane
+
+
 class Safety(_Table, frozen=True):
-    measure: Literal["ttc"] = "ttc"
-    rays: int = 20
+    measure: str = "ttc"  # a name of service.scenario.measures, or "stl: FORMULA"
+    rays: int = 20  # of ttc
+    rss: Rss = Rss()
 
 
 class Start(_Table, frozen=True):

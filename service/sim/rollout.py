@@ -11,6 +11,7 @@ import numpy as np
 from policies.drivers import DriverModel
 from policies.egos import EgoPolicy, Observation
 from service.errors import EgoError
+from service.safety.measure import open_monitor
 from service.scenario.base import unpack
 from service.scenario.schema import Scenario
 from service.sim import step
@@ -32,7 +33,7 @@ BACKGROUND_ROWS = 1000  # background vehicles at most
 
 @dataclass(frozen=True)
 class Rollout:
-    """What a rollout came to. `f` is the safety value: the minimum time to collision in s, low is dangerous."""
+    """What a rollout came to. `f` is the value of the scenario's safety measure; low is dangerous."""
 
     f: float
     outcome: str  # one of OUTCOMES, or "error"
@@ -78,6 +79,7 @@ class Simulator:
             from service.camera.onboard import OnboardCamera
 
             self._camera = OnboardCamera(scenario, corridor)
+        self._monitor = open_monitor(scenario, len(self._world.agents))
         stations = [scenario.of(vehicle, "station_m") for vehicle in scenario.vehicles]
         self._has_background = background is not None
         self._sumo = SumoSession(
@@ -110,6 +112,10 @@ class Simulator:
         if (leave := getattr(self._ego, "close", None)) is not None:
             leave()
 
+    def measured(self) -> np.ndarray | None:
+        """The measure at each state of the last rollout, (states,); None for `ttc`, which observers are shown."""
+        return None if self._monitor is None else self._monitor.trace()
+
     def run(self, x: np.ndarray, noise: int | np.ndarray, observer: Observer | None = None) -> Rollout:
         """The rollout of `x` (d,) with action noise from a seed, or given as normals (steps, vehicles, 2).
 
@@ -123,7 +129,7 @@ class Simulator:
             return Rollout(math.nan, "error", 0, f"{type(error).__name__}: {error}")
 
     def _run(self, x: np.ndarray, noise: int | np.ndarray, observer: Observer | None) -> Rollout:
-        world, ego, sumo = self._world, self._ego, self._sumo
+        world, ego, sumo, monitor = self._world, self._ego, self._sumo, self._monitor
         seed = int(noise) if isinstance(noise, (int, np.integer)) else 0
         if self._scenario.drivers.noise == "frozen" and not isinstance(noise, np.ndarray):
             seed, noise = FROZEN_NOISE_SEED, FROZEN_NOISE_SEED
@@ -149,6 +155,9 @@ class Simulator:
         if camera is not None:
             camera.begin(x, seed)
         f = ttc
+        if monitor is not None:
+            monitor.reset()
+            monitor.see(world.agents, world.count, ttc)
         k = 0
         while status == step.RUNNING and k < self._steps:
             observation.time_s = k * self._dt_s
@@ -168,9 +177,11 @@ class Simulator:
             if self._has_background:
                 world.count = sumo.read_background(world.agents, world.vehicles)
             status, ttc = world.observe()
-            if ttc < f:
+            if monitor is not None:
+                monitor.see(world.agents, world.count, ttc)
+            elif ttc < f:
                 f = ttc
             k += 1
         if observer is not None:
             observer.see(world, k * self._dt_s, ttc, None)
-        return Rollout(f, OUTCOMES[status], k)
+        return Rollout(f if monitor is None else monitor.value(), OUTCOMES[status], k)
