@@ -28,6 +28,7 @@ from service.fleet.versions import digests, versions
 from service.store.jobs import AuditRow, Event, JobRow, JobStore
 
 TICK_S = 0.25
+LONGEST_STEP_S = 5.0  # between two readings of the clock; more is a jump, or a machine that slept
 RETRY_S = 1.0  # until a database that took nothing is tried again
 GROUP = 512  # events that are taken together
 OPEN = ("running", "paused")  # statuses of jobs that are not over
@@ -44,6 +45,21 @@ class _Call:
     result: Future
 
 
+class Elapsed:
+    """The hub's time, s: a clock that jumps moves it by LONGEST_STEP_S at most, and never back."""
+
+    def __init__(self, clock: Callable[[], float]):
+        self._clock = clock
+        self._last = clock()
+        self._elapsed = 0.0
+
+    def now(self) -> float:
+        reading = self._clock()
+        self._elapsed += min(max(reading - self._last, 0.0), LONGEST_STEP_S)
+        self._last = reading
+        return self._elapsed
+
+
 class Hub:
     """The scheduler at work. Methods may be called from any thread; `listen` functions are called in the hub's."""
 
@@ -57,7 +73,7 @@ class Hub:
     ):
         self.store = store
         self.statistics = Statistics(store)
-        self._clock = clock
+        self._time = Elapsed(clock)
         self._scheduler = Scheduler(
             made_of or versions(), policy, store.quarantined(), secrets.token_bytes(16)
         )
@@ -144,15 +160,15 @@ class Hub:
     # -- the thread ------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        next_tick = self._clock()
+        next_tick = self._time.now()
         while not self._stopping:
             for event in self._collect():
                 if isinstance(event, _Call):
                     self._look(event)
                 elif event is not None:
                     self._handle(event)
-            if not self._stopping and self._clock() >= next_tick:
-                next_tick = self._clock() + TICK_S
+            if not self._stopping and self._time.now() >= next_tick:
+                next_tick = self._time.now() + TICK_S
                 self._handle(E.Tick())
             self._write()
 
@@ -171,7 +187,7 @@ class Hub:
             call.result.set_exception(error)
 
     def _handle(self, event: E.Event) -> None:
-        for instruction in self._scheduler.handle(self._clock(), event):
+        for instruction in self._scheduler.handle(self._time.now(), event):
             self._do(instruction)
 
     def _do(self, instruction: E.Instruction) -> None:
@@ -217,7 +233,7 @@ class Hub:
 
     def _write(self) -> None:
         """Carry out what waits for the database, in order."""
-        if self._trouble_until is not None and self._clock() < self._trouble_until:
+        if self._trouble_until is not None and self._time.now() < self._trouble_until:
             return
         try:
             while self._writes:
@@ -226,7 +242,7 @@ class Hub:
             log.error("%s; trying again", error)
             if self._trouble_until is None:
                 self._handle(E.StoreTrouble(str(error)))
-            self._trouble_until = self._clock() + RETRY_S
+            self._trouble_until = self._time.now() + RETRY_S
             return
         if self._trouble_until is not None:
             self._trouble_until = None

@@ -97,6 +97,10 @@ class Fleet:
         """NoSuchJob for a job that there is not; so do all that follow."""
         return self._view(self._row(job), self._progress())
 
+    def open_jobs(self) -> int:
+        """How many jobs are not over."""
+        return self._hub.call(lambda scheduler: len(scheduler.jobs)).result()
+
     def cancel(self, job: str) -> None:
         """End a job for good; one that is over stays as it is."""
         self._tell(job, E.Cancelled(job))

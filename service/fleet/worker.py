@@ -4,6 +4,7 @@ It remembers nothing: a scheduler that was started again is greeted again, and g
 """
 
 import threading
+import time
 from collections.abc import Callable
 from typing import Protocol
 
@@ -25,6 +26,7 @@ from service.fleet.messages import (
 from service.fleet.runner import Runner, RunnerLost
 
 PATIENCE_S = 10.0  # for a reply, beyond what the scheduler holds it back
+GIVE_UP_S = 30.0  # until an answer is dropped that nobody notes, when the worker is to stop
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 2.0  # before a question is asked again
 
 
@@ -65,7 +67,8 @@ class Worker:
 
     def run(self) -> None:
         """Work until `stop`; NotWanted where the scheduler refuses this worker."""
-        self._hello(0)
+        if not self._hello(0):
+            raise NotWanted(self._refusal or "stopped before a scheduler answered")
         slots = [
             threading.Thread(target=self._slot, args=(i,), name=f"slot-{i}")
             for i in range(self._capabilities.procs)
@@ -112,49 +115,56 @@ class Worker:
     def _say(
         self, kind: str, message: Request, once: bool = False, until_noted: bool = False
     ) -> Reply | None:
-        """Say it until there is an answer that settles it; None when the worker stops without one."""
-        pause_s = FIRST_PAUSE_S
+        """Say it until there is an answer that settles it; None where the worker stops without one.
+
+        until_noted: say it even while stopping, for GIVE_UP_S at most.
+        """
+        pause_s, give_up = FIRST_PAUSE_S, 0.0
         while True:
             greeted = self._greeted
             reply = self._connection.ask(kind, message, self._hold_s + PATIENCE_S)
-            if isinstance(reply, Refused) and reply.unknown:
-                self._hello(greeted)
+            if isinstance(reply, Refused) and reply.unknown and not once and self._hello(greeted):
                 continue
-            settled = reply is not None and not (isinstance(reply, Refused) and reply.again)
-            if isinstance(reply, Refused) and settled and kind != "job":
-                self._refusal = reply.reason
-                self._stopping.set()
-            if settled or once or (self._stopping.is_set() and not until_noted) or self._refusal:
+            again = reply is None or (isinstance(reply, Refused) and (reply.again or reply.unknown))
+            if isinstance(reply, Refused) and not again and kind in ("work", "answer"):
+                self._refuse(reply.reason)
+            if not again or once or self._refusal:
                 return reply
-            self._stopping.wait(pause_s) if not until_noted else _sleep(pause_s)
+            if self._stopping.is_set():
+                give_up = give_up or time.monotonic() + GIVE_UP_S
+                if not until_noted or time.monotonic() > give_up:
+                    return reply
+                time.sleep(pause_s)
+            else:
+                self._stopping.wait(pause_s)
             pause_s = min(2.0 * pause_s, LONGEST_PAUSE_S)
 
-    def _hello(self, greeted: int) -> None:
-        """Tell the scheduler who is here, unless another slot has since `greeted`."""
+    def _hello(self, greeted: int) -> bool:
+        """Tell the scheduler who is here, unless another slot has since `greeted`; whether it knows."""
         with self._greeting:
-            if self._greeted != greeted:
-                return
             pause_s, told = FIRST_PAUSE_S, False
-            while not self._stopping.is_set():
+            while self._greeted == greeted and not self._refusal:
                 reply = self._connection.ask("hello", Hello(self.name, self._capabilities), PATIENCE_S)
                 if isinstance(reply, Welcome):
                     self._hold_s = reply.hold_s
                     self._greeted += 1
                     self._tell(f"worker {self.name} is connected, {self._capabilities.procs} processes")
-                    return
-                if isinstance(reply, Refused):
-                    self._refusal = reply.reason
-                    self._stopping.set()
-                    return
-                if not told:
-                    self._tell(f"worker {self.name}: no scheduler answers; trying on")
-                    told = True
-                self._stopping.wait(pause_s)
-                pause_s = min(2.0 * pause_s, LONGEST_PAUSE_S)
+                elif isinstance(reply, Refused) and not reply.again:
+                    self._refuse(reply.reason)
+                elif self._stopping.is_set():
+                    return False
+                else:
+                    if not told:
+                        why = reply.reason if isinstance(reply, Refused) else "no scheduler answers"
+                        self._tell(f"worker {self.name}: {why}; trying on")
+                        told = True
+                    self._stopping.wait(pause_s)
+                    pause_s = min(2.0 * pause_s, LONGEST_PAUSE_S)
+            return not self._refusal
 
-
-def _sleep(seconds: float) -> None:
-    threading.Event().wait(seconds)
+    def _refuse(self, reason: str) -> None:
+        self._refusal = reason
+        self._stopping.set()
 
 
 class _SlotBench:

@@ -1,12 +1,10 @@
-"""Zenoh: how a session is opened, and how workers and the hub find each other. No other file here imports it."""
+"""Zenoh: how workers and the hub find each other."""
 
-import json
 import threading
 from functools import partial
 
 import zenoh
 
-from service.errors import InputError
 from service.fleet.hub import Hub
 from service.fleet.messages import (
     MAX_BYTES,
@@ -18,47 +16,9 @@ from service.fleet.messages import (
     decode_reply,
     encode,
 )
+from service.fleet.sessions import client_session, router_session
 
-zenoh.init_log_from_env_or("error")
-
-
-def router_session(listen: list[str], config_file: str | None = None) -> zenoh.Session:
-    """A session that is the router itself and listens on endpoints such as tcp/127.0.0.1:7447."""
-    config = _config(config_file)
-    config.insert_json5("mode", '"router"')
-    config.insert_json5("listen/endpoints", json.dumps(listen))
-    config.insert_json5("listen/exit_on_failure", "true")
-    return _open(config, f"cannot listen on {', '.join(listen)}")
-
-
-def client_session(connect: list[str], config_file: str | None = None) -> zenoh.Session:
-    """A client's session, connected to one of the endpoints, now or as soon as it is there."""
-    config = _config(config_file)
-    config.insert_json5("mode", '"client"')
-    config.insert_json5("connect/endpoints", json.dumps(connect))
-    config.insert_json5("connect/timeout_ms", "-1")
-    config.insert_json5("connect/exit_on_failure", "false")
-    return _open(config, f"cannot connect to {', '.join(connect)}")
-
-
-def _config(config_file: str | None) -> zenoh.Config:
-    try:
-        config = zenoh.Config.from_file(config_file) if config_file else zenoh.Config()
-    except zenoh.ZError as error:
-        raise InputError(f"{config_file}: not a Zenoh configuration: {error}") from error
-    # nobody is found who was not named
-    config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("scouting/gossip/enabled", "false")
-    return config
-
-
-def _open(config: zenoh.Config, failure: str) -> zenoh.Session:
-    try:
-        return zenoh.open(config)
-    except zenoh.ZError as error:
-        raise InputError(
-            f"{failure}: {error}; check the address, or whether something else uses it"
-        ) from error
+__all__ = ["HubLink", "WorkerConnection", "client_session", "router_session"]
 
 
 class WorkerConnection:
