@@ -16,10 +16,11 @@ import sysconfig
 import tempfile
 from pathlib import Path
 
-from sumo_nets import sources
+from sumo_nets import i80_geometry, us101_geometry
 from sumo_nets.corridor import built_in_folder
 from sumo_nets.errors import NetworkError
 
+GEOMETRIES = {"i80": i80_geometry, "us101": us101_geometry}
 NETCONVERT_OPTIONS = (
     "--offset.disable-normalization",
     "--no-turnarounds",
@@ -33,10 +34,11 @@ NETCONVERT_OPTIONS = (
 def write_sources(name: str, geometry: Path, folder: Path | None = None) -> list[Path]:
     """Write the plain XML, the corridor's description and the check's reference lines; returns the files."""
     folder = folder or built_in_folder(name)
+    sources = GEOMETRIES[name]
     raw = sources.read_geometry(Path(geometry))
     road = sources.make_road(raw)
-    texts = {f"{name}.{suffix}.xml": text for suffix, text in sources.plain_xml(road).items()}
-    texts["corridor.json"] = json.dumps(sources.description(), indent=1) + "\n"
+    texts = {f"{name}.{suffix}.xml": text for suffix, text in road.plain_xml().items()}
+    texts["corridor.json"] = json.dumps(sources.description(road), indent=1) + "\n"
     texts["reference_lines.json"] = json.dumps(sources.reference_lines(raw), separators=(",", ":")) + "\n"
     for file, text in texts.items():
         (folder / file).write_text(text, encoding="utf-8")

@@ -21,7 +21,7 @@ from sumo_nets.errors import EdgesError, NetworkError
 
 __all__ = ["BUILT_IN", "Corridor", "NetworkError", "built_in_folder", "load_corridor", "read_corridor"]
 
-BUILT_IN = ("i80",)
+BUILT_IN = ("i80", "us101")
 
 
 @dataclass(frozen=True, eq=False)

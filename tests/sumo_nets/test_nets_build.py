@@ -8,25 +8,30 @@ from xml.etree import ElementTree
 
 import pytest
 
-from sumo_nets import build, sources
-from sumo_nets.corridor import NetworkError, built_in_folder
+from sumo_nets import build, i80_geometry, us101_geometry
+from sumo_nets.corridor import BUILT_IN, NetworkError, built_in_folder
 
 FOLDER = built_in_folder("i80")
 GEOMETRY = os.environ.get("TAILROAD_GEOMETRY", "")
 
 
-def test_the_sources_give_the_committed_network(tmp_path):
-    built = build.build_net("i80", out=tmp_path / "i80.net.xml")
-    assert built.read_text(encoding="utf-8") == (FOLDER / "i80.net.xml").read_text(encoding="utf-8")
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_the_sources_give_the_committed_network(name, tmp_path):
+    built = build.build_net(name, out=tmp_path / f"{name}.net.xml")
+    committed = built_in_folder(name) / f"{name}.net.xml"
+    assert built.read_text(encoding="utf-8") == committed.read_text(encoding="utf-8")
 
 
 @pytest.mark.skipif(
-    not Path(GEOMETRY, sources.GEOMETRY_FILES[0]).is_file(),
+    not (Path(GEOMETRY) / i80_geometry.GEOMETRY_FILES[0]).is_file(),
     reason="needs the raw geometry files, not in this repository: set TAILROAD_GEOMETRY to their folder",
 )
-def test_the_raw_geometry_gives_the_committed_sources(tmp_path):
-    for path in build.write_sources("i80", Path(GEOMETRY), folder=tmp_path):
-        assert path.read_text(encoding="utf-8") == (FOLDER / path.name).read_text(encoding="utf-8"), path.name
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_the_raw_geometry_gives_the_committed_sources(name, tmp_path):
+    raw = {"i80": Path(GEOMETRY), "us101": Path(GEOMETRY).parent / "scenes"}[name]
+    for path in build.write_sources(name, raw, folder=tmp_path):
+        committed = built_in_folder(name) / path.name
+        assert path.read_text(encoding="utf-8") == committed.read_text(encoding="utf-8"), path.name
 
 
 def test_no_date_and_no_machine_path_is_in_the_committed_network():
@@ -52,9 +57,19 @@ def test_a_missing_netconvert_is_reported():
         build.find_netconvert("no-such-program")
 
 
-def test_missing_geometry_is_reported(tmp_path):
+@pytest.mark.parametrize("geometry", [i80_geometry, us101_geometry])
+def test_missing_geometry_is_reported(geometry, tmp_path):
     with pytest.raises(NetworkError, match="the geometry folder must hold"):
-        sources.read_geometry(tmp_path)
+        geometry.read_geometry(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "BOUNDARIES\n1", "CENTERLINES\n1\nCENTERLINE\na\n2\n 1.0 2.0\n", "CENTERLINES\nx"]
+)
+def test_a_broken_drawing_is_reported(text, tmp_path):
+    (tmp_path / "sisl_centerlines101.txt").write_text(text, encoding="utf-8")
+    with pytest.raises(NetworkError, match="not a list of centre lines"):
+        us101_geometry.read_geometry(tmp_path)
 
 
 def test_the_command_reports_errors_without_a_traceback(tmp_path, capsys):

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from sumo_nets.check import check, distance_to_lane, reference_lines
-from sumo_nets.corridor import NetworkError, load_corridor
+from sumo_nets.corridor import BUILT_IN, NetworkError, load_corridor
 from sumo_nets.plot import plot
 
 
-def test_i80_passes():
-    report = check("i80")
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_a_built_in_road_passes(name):
+    report = check(name)
     assert report.passed, str(report)
     assert json.loads(json.dumps(report.to_dict()))["passed"] is True
     assert "lane connections" in str(report)

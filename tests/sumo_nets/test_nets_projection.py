@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sumo_nets import sources
+from sumo_nets import i80_geometry as sources
 from sumo_nets.corridor import load_corridor
 from sumo_nets.projection import from_utm, to_utm
 
