@@ -24,6 +24,8 @@ LOOPBACK = ("/127.", "/localhost:", "/[::1]")
               "[default: one for each core]")  # fmt: skip
 @click.option("--audit-share", type=click.FloatRange(0, 1), default=0.02, show_default=True,
               help="Share of the chunks that a second worker runs again, to compare.")  # fmt: skip
+@click.option("--chunk-seconds", type=click.FloatRange(0.01, 600), default=1.0, show_default=True,
+              help="Work of a chunk: what a lost worker costs, and how often one asks.")  # fmt: skip
 @click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
               help="Zenoh configuration file, for TLS, passwords and access control.")  # fmt: skip
 def command(
@@ -32,6 +34,7 @@ def command(
     database: str | None,
     workers: int | None,
     audit_share: float,
+    chunk_seconds: float,
     zenoh_config: str | None,
 ) -> None:
     """Serve jobs: take them, run them on local and connected workers, answer questions, until told to stop.
@@ -59,7 +62,9 @@ def command(
     with ExitStack() as stack:
         store = stack.enter_context(JobStore(database or sqlite_url(home / "fleet.sqlite")))
         stack.callback(store.claim().close)
-        hub = Hub(store, Policy(audit_share=audit_share))
+        hub = Hub(
+            store, Policy(audit_share=audit_share, chunk_s=chunk_seconds, least_chunk_s=0.1 * chunk_seconds)
+        )
         session = stack.enter_context(router_session(list(listen), zenoh_config))
         hub.start()
         stack.callback(hub.stop)

@@ -56,7 +56,7 @@ PATIENT = replace(POLICY, copy_s=1e6, limit_s=1e6, first_limit_s=1e6)  # nobody 
 
 @pytest.fixture(scope="module")
 def job(make_scenario) -> Job:
-    return make_job(make_scenario(), "idm", 0.5, "naive", 1, {"budget": 3000, "batch_size": 1000})
+    return make_job(make_scenario(), "idm", 0.5, "naive", 1, {"budget": 2000, "batch_size": 700})
 
 
 @pytest.fixture(scope="module")
@@ -275,7 +275,7 @@ def test_a_router_that_is_restarted_is_found_again(tmp_path, job, right):
     with light_fleet(tmp_path, POLICY) as fleet:
         job_id = fleet.fleet.submit(job).id
         workers = [LightWorker(fleet.port, f"w{i}") for i in range(2)]
-        for rollouts in (300, 1300):
+        for rollouts in (300, 1000):
             fleet.wait_rollouts(job_id, rollouts)
             fleet.shut()
             fleet.open()
@@ -314,7 +314,7 @@ def test_clock_jumps_cost_time_at_most(tmp_path, job, right, jump_s):
     with light_fleet(tmp_path, POLICY, clock=clock) as fleet:
         job_id = fleet.fleet.submit(job).id
         workers = [LightWorker(fleet.port, f"w{i}") for i in range(2)]
-        for rollouts in (200, 900, 1600):
+        for rollouts in (200, 700, 1200):
             fleet.wait_rollouts(job_id, rollouts)
             jumped[0] += jump_s
         fleet.wait_status(job_id, "done")

@@ -143,7 +143,7 @@ class WithWrongWorkers(AnyOrder):
 
 @pytest.mark.parametrize("machine", [AnyOrder, WithWrongWorkers])
 def test_any_order_of_answers_losses_and_crashes_gives_the_same_bits(machine):
-    run_state_machine_as_test(machine, settings=_settings(40, 60))
+    run_state_machine_as_test(machine, settings=_settings(15, 60))
 
 
 @pytest.mark.long
