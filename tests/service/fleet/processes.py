@@ -97,11 +97,13 @@ def rollouts(store: JobStore) -> int:
 def wait(true: Callable[[], bool], alive: Sequence[Process] = (), limit_s: float = LIMIT_S) -> None:
     """Until something that is only seen from outside is so; processes that must be alive meanwhile are looked after."""
     deadline = time.monotonic() + limit_s
+    pause_s = 0.02
     while not true():
         for process in alive:
             assert process.alive, process.lines[-20:]
         assert time.monotonic() < deadline, [process.lines[-20:] for process in alive]
-        time.sleep(0.02)
+        time.sleep(pause_s)
+        pause_s = min(1.5 * pause_s, 0.2)
 
 
 def wait_done(store: JobStore, alive: Sequence[Process] = (), limit_s: float = LIMIT_S) -> None:
