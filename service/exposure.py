@@ -3,6 +3,7 @@
 import contextlib
 import hashlib
 import math
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -11,8 +12,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 import ce
-from service.job import Job, Problem
-from service.trace import record
+from service.failures.rerun import Again, Rerunner
+from service.job import Job
 
 ROLLOUTS = 40
 STREAM = 0x6B6D  # a stream of its own: the same rollouts whatever the job's seed and method
@@ -28,10 +29,12 @@ class Exposure(msgspec.Struct, frozen=True, kw_only=True):
     confidence: float
 
 
-def exposure_of(job: Job, confidence: float = 0.95, folder: Path | None = None) -> Exposure | None:
-    """Measure it on ROLLOUTS rollouts drawn from P0 in this process; None where fewer than two of them run.
+def exposure_of(
+    job: Job, base: ce.Product, rerunner: Rerunner, confidence: float = 0.95, folder: Path | None = None
+) -> Exposure | None:
+    """Measure it on ROLLOUTS rollouts drawn from P0; None where fewer than two of them run.
 
-    folder: a run directory that keeps the answer. A process that already runs a simulation cannot call this.
+    base: the job's P0; folder: a run directory that keeps the answer.
     """
     key = hashlib.sha256(
         msgspec.msgpack.encode(
@@ -43,23 +46,17 @@ def exposure_of(job: Job, confidence: float = 0.95, folder: Path | None = None) 
     if path is not None:
         with contextlib.suppress(OSError, msgspec.MsgspecError):
             return msgspec.json.decode(path.read_bytes(), type=Exposure)
-    found = _measure(Problem(job), confidence)
+    x, noise = ce.draw(base, STREAM, "estimate", 0, 0, ROLLOUTS)
+    found = _mean(rerunner.run(list(zip(x, noise.tolist(), strict=True))), confidence)
     if path is not None and found is not None:
         with contextlib.suppress(OSError):  # a folder that cannot be written to goes without
             path.write_bytes(msgspec.json.encode(found))
     return found
 
 
-def _measure(problem: Problem, confidence: float) -> Exposure | None:
-    x, noise = ce.draw(problem.base, STREAM, "estimate", 0, 0, ROLLOUTS)
-    km, hours = [], []
-    with problem.simulator() as simulator:
-        for row, seed in zip(x, noise, strict=True):
-            trace = record(problem, simulator, row, int(seed))
-            if trace.rollout.error is None:
-                station = trace.station_m[:, trace.ego]
-                km.append(float(station[-1] - station[0]) / 1000.0)
-                hours.append(float(trace.time_s[-1]) / 3600.0)
+def _mean(drives: Sequence[Again], confidence: float) -> Exposure | None:
+    km = [drive.driven_m / 1000.0 for drive in drives if drive.error is None]
+    hours = [drive.time_s / 3600.0 for drive in drives if drive.error is None]
     n = len(km)
     if n < 2:
         return None

@@ -9,8 +9,11 @@ from functools import partial
 
 import msgspec
 
+import ce
 from service.errors import InputError
 from service.exposure import Exposure
+from service.job import Job
+from service.scenario.measures import measure_kind
 from service.wording import level, significant
 
 MILLION = 1e6
@@ -74,12 +77,19 @@ def baseline_of(given: str | None, source: str | None = None) -> Baseline:
 
 
 def risk_of(
+    job: Job, estimate: ce.Estimate, exposure: Exposure, baseline: Baseline = POLICE_REPORTED
+) -> Risk:
+    """The risk that a job's estimate stands for."""
+    p = estimate.p if estimate.estimation_rollouts else None
+    return rate_of(p, estimate.ci, estimate.confidence, exposure, event_of(job), baseline)
+
+
+def rate_of(
     p: float | None,
     ci: tuple[float, float],
     confidence: float,
     exposure: Exposure,
     event: str,
-    measure_is_crash: bool = False,
     baseline: Baseline = POLICE_REPORTED,
 ) -> Risk:
     """The risk of an event of probability p per rollout.
@@ -114,7 +124,7 @@ def risk_of(
         times_baseline=times,
         times_baseline_ci=times_ci,
         said=_said(event, p, rate, rate_ci, between_ci, confidence, times_ci, baseline),
-        assumptions=_assumptions(exposure, event, measure_is_crash, baseline),
+        assumptions=_assumptions(exposure, event, baseline),
     )
 
 
@@ -145,22 +155,21 @@ def _said(
     )
 
 
-def _assumptions(
-    exposure: Exposure, event: str, measure_is_crash: bool, baseline: Baseline
-) -> tuple[str, ...]:
+def event_of(job: Job) -> str:
+    """The event of a job in words."""
+    kind = measure_kind(job.scenario.safety.measure)
+    return f"a {kind.words.rstrip(',')} of at most {job.gamma:g} {kind.unit}".rstrip()
+
+
+def _assumptions(exposure: Exposure, event: str, baseline: Baseline) -> tuple[str, ...]:
     short, long = exposure.km_ci
-    said = [
+    return (
         f"All driving is like this scenario: every kilometre is driven in rollouts of {significant(exposure.km)} km "
         f"({significant(short)} to {significant(long)} km, from {exposure.rollouts} rollouts of P0) that start as P0 "
         "says.",
+        f"The event is {event}, which is not a crash: most are followed by none, so the rate is no crash rate, and a "
+        "multiple of a rate of crashes says how much more frequent the event is, not how dangerous the ego is.",
         "A rollout counts once, however often the event comes in it.",
         "Traffic is as P0 has it: its starts and drivers are models fitted to recordings of one road.",
         f"The baseline is from other driving ({baseline.source}), over all roads, hours and weathers of its data.",
-    ]
-    if not measure_is_crash:
-        said.insert(
-            1,
-            f"The event is {event}, which is not a crash: most are followed by none, so the rate is no crash rate, and "
-            "a multiple of a rate of crashes says how much more frequent the event is, not how dangerous the ego is.",
-        )
-    return tuple(said)
+    )

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import msgspec
 from rich.console import Console
 from rich.table import Table
 
@@ -25,13 +26,16 @@ from service.cli.options import (
 )
 from service.cli.progress import progress_bar, stderr
 from service.egos.open import meet_ego
-from service.errors import InputError
-from service.job import Job, make_job
+from service.errors import InputError, WorkerError
+from service.exposure import exposure_of
+from service.failures.rerun import Rerunner
+from service.job import Job, Problem, make_job
+from service.risk import Risk, risk_of
 from service.safety.measure import with_measure
 from service.scenario import load_scenario
 from service.scenario.check import check_road
 from service.store import Chunk, RunDirectory
-from service.summary import Cost, comparisons, summary_of
+from service.summary import Cost, comparisons, json_ready, summary_of
 
 NOT_PRECISE = 3
 
@@ -158,6 +162,9 @@ def _run(store: RunDirectory, workers: int, max_failed: float, with_report: bool
         )
         return INTERRUPTED
     summaries = [summary_of(job, estimates[job.id], costs[job.id]) for job in store.jobs]
+    risks = _risks(store, estimates)
+    for summary in summaries:
+        summary["risk"] = json_ready(msgspec.to_builtins(risks.get(summary["method"])))
     compared = comparisons(store.jobs, estimates)
     result = summaries[0] if len(summaries) == 1 else {"estimates": summaries, "comparison": compared}
     (store.path / "result.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
@@ -165,13 +172,29 @@ def _run(store: RunDirectory, workers: int, max_failed: float, with_report: bool
         click.echo(json.dumps(result, indent=2))
     else:
         _print(summaries, compared)
+        for method, risk in risks.items():
+            click.echo(f"As a rate, by {method}: {risk.said}")
     if with_report:
         from service.report import write_report
 
-        path = write_report(store)
+        path = write_report(store, workers=workers)
         (stderr.print if as_json else click.echo)(f"Report: {path}")
     missed = any(e.rel_error is not None and not e.converged for e in estimates.values())
     return NOT_PRECISE if missed else 0
+
+
+def _risks(store: RunDirectory, estimates: dict[str, ce.Estimate]) -> dict[str, Risk]:
+    """The estimates as rates, by method; nothing where no rollout can be run to measure how far the ego drives."""
+    job = store.jobs[0]
+    try:
+        with Rerunner(job) as rerunner:
+            exposure = exposure_of(job, Problem(job).base, rerunner, folder=store.path)
+    except WorkerError as error:
+        stderr.print(f"No rate per million km: {error}")
+        exposure = None
+    return (
+        {} if exposure is None else {job.id: risk_of(job, estimates[job.id], exposure) for job in store.jobs}
+    )
 
 
 def _run_one(store: RunDirectory, job: Job, workers: int, max_failed: float, cost: Cost) -> ce.Estimate:

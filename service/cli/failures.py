@@ -13,8 +13,9 @@ from service.cli.progress import progress_bar
 from service.cli.runs import method_option, open_record, run_argument
 from service.failures.events import ORDERS, Order
 from service.failures.examine import EXAMINED
-from service.failures.find import failures_of
+from service.failures.find import find_failures
 from service.failures.objects import Failures
+from service.failures.rerun import Rerunner
 from service.wording import significant
 
 
@@ -37,18 +38,18 @@ def command(
     Each is run again, which brings back the same motion to the bit; `tailroad replay RUN RANK` shows one.
     """
     record, _ = open_record(run, method)
-    with progress_bar() as bar:
+    with progress_bar() as bar, Rerunner(record.job, workers or core_count()) as rerunner:
         task = bar.add_task("dangerous rollouts", total=None, note="")
-        found = failures_of(
+        found = find_failures(
             run.name,
             record,
+            rerunner,
             order,
             limit,
             examine,
-            workers or core_count(),
             run,
             lambda done, total: bar.update(task, completed=done, total=total),
-        )
+        ).failures
     if as_json:
         click.echo(msgspec.json.format(msgspec.json.encode(found), indent=2).decode())
     else:

@@ -21,6 +21,7 @@ from service.failures.examine import (
     modes_by_position,
 )
 from service.failures.find import notes_on
+from service.failures.rerun import Rerunner
 from service.failures.shares import mode_estimate, share_interval
 from service.failures.tell import known_rows, mode_p
 from service.record import JobRecord
@@ -51,10 +52,10 @@ def comparison_of(
             f"{runs[0]} and {runs[1]} measure safety differently; compare runs with the same [safety]"
         )
     difference = difference_of(a.estimate, b.estimate)
-    examined = [
-        examine(events_of(record), (), most, workers, (), folder, watch)
-        for record, folder in zip((a, b), folders, strict=True)
-    ]
+    examined = []
+    for record, folder in zip((a, b), folders, strict=True):
+        with Rerunner(record.job, workers) as rerunner:
+            examined.append(examine(events_of(record), rerunner, (), most, (), folder, watch))
     sides = (_side(a, runs[0], a.job.ego), _side(b, runs[1], b.job.ego))
     if sides[0].name == sides[1].name:
         sides = (_side(a, runs[0], runs[0]), _side(b, runs[1], runs[1]))

@@ -10,7 +10,7 @@ from service.failures.events import Events
 from service.failures.kinds import NAMES, kind_of
 from service.failures.memory import Memory
 from service.failures.modes import modes_of
-from service.failures.rerun import Again, rerun
+from service.failures.rerun import Again, Rerunner
 
 EXAMINED = 400  # dangerous rollouts that are run again and grouped: shares to within 5% of p
 BACKGROUND = "background"
@@ -41,9 +41,9 @@ class Examined:
 
 def examine(
     events: Events,
+    rerunner: Rerunner,
     others: Collection[int] = (),
     most: int = EXAMINED,
-    workers: int = 1,
     traced: Collection[int] = (),
     folder: Path | None = None,
     watch: Watch = look_away,
@@ -65,9 +65,7 @@ def examine(
         watch(done[0], len(positions))
 
     traced_rows = [n for n, i in enumerate(todo) if i in traced]
-    for i, fresh in zip(
-        todo, rerun(events.record.job, events.drawn(todo), workers, traced_rows, on_done), strict=True
-    ):
+    for i, fresh in zip(todo, rerunner.run(events.drawn(todo), traced_rows, on_done), strict=True):
         again[i] = fresh
         memory.add(*keys[i], fresh)
     if todo:

@@ -1,25 +1,40 @@
 """From a job's record to its failures: rank, run again, group, count."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import ce
 from service.failures.events import Order, events_of
 from service.failures.examine import EXAMINED, Examined, Watch, examine, look_away, modes_by_position
 from service.failures.objects import Failures
+from service.failures.rerun import Rerunner
 from service.failures.tell import failure_told, modes_told, same_bits
 from service.record import JobRecord
 
 
-def failures_of(
+@dataclass(frozen=True)
+class Found:
+    """The failures of a job, and what they were found from.
+
+    ranking: positions of all dangerous rollouts in the order asked for; modes: of each that was examined.
+    """
+
+    failures: Failures
+    examined: Examined
+    ranking: list[int]
+    modes: dict[int, str]
+
+
+def find_failures(
     run: str,
     record: JobRecord,
+    rerunner: Rerunner,
     order: Order = "likelihood",
     limit: int = 20,
     most: int = EXAMINED,
-    workers: int = 1,
     folder: Path | None = None,
     watch: Watch = look_away,
-) -> Failures:
+) -> Found:
     """The failures of a job: its modes, and the first `limit` of its dangerous rollouts in the order asked for.
 
     run: what the run is called; folder: where to remember what was run again; the rest as in `examine`.
@@ -27,10 +42,10 @@ def failures_of(
     events = events_of(record)
     ranking = events.ranking(order).tolist()
     rank = {position: i for i, position in enumerate(ranking, start=1)}
-    examined = examine(events, ranking[:limit], most, workers, (), folder, watch)
+    examined = examine(events, rerunner, ranking[:limit], most, (), folder, watch)
     (modes,) = modes_by_position([examined])
     job, estimate = record.job, record.estimate
-    return Failures(
+    failures = Failures(
         run=run,
         job=job.id,
         scenario=job.scenario.name,
@@ -49,6 +64,7 @@ def failures_of(
         ),
         notes=tuple(notes_on(examined)),
     )
+    return Found(failures, examined, ranking, modes)
 
 
 def notes_on(examined: Examined) -> list[str]:

@@ -60,7 +60,7 @@ class Memory:
         seen = self._seen.get(key)
         if seen is None or seen.recorded_f != f:
             return None
-        return Again(seen.f, seen.outcome, seen.error, seen.motion, None)
+        return Again(seen.f, seen.outcome, seen.error, motion=seen.motion)
 
     def add(self, key: Key, f: float, again: Again) -> None:
         self._seen[key] = _Seen(*key, f, again.f, again.outcome, again.error, again.motion)

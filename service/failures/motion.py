@@ -65,9 +65,9 @@ def motion_of(trace: Trace, rays: int, corridor: Corridor) -> Motion | None:
     rays: of the safety measure. None also where background traffic is closer in time than any of
     the scenario's vehicles, as the trace does not hold it.
     """
-    if not trace.ttc_s.size:
+    if not trace.measured.size:
         return None
-    worst = int(np.argmin(trace.ttc_s))
+    worst = int(np.argmin(trace.measured))
     other = threat(trace, worst, rays)
     if other is None:
         return None
@@ -117,13 +117,14 @@ def motion_of(trace: Trace, rays: int, corridor: Corridor) -> Motion | None:
 
 
 def threat(trace: Trace, k: int, rays: int) -> int | None:
-    """The vehicle whose time to collision with the ego is the smallest at state k.
+    """The vehicle whose time to collision with the ego is the smallest at state k; where nobody closes in, the nearest.
 
     None where that is none of the scenario's vehicles: the trace's own smallest time to collision is then to
     background traffic, which it does not hold.
     """
     directions = beam_directions(rays)
     soonest, found = math.inf, None
+    nearest, beside = math.inf, None
     for i in range(len(trace.names)):
         if i == trace.ego or trace.agents[k, i, A.ACTIVE] == 0.0:
             continue
@@ -131,6 +132,11 @@ def threat(trace: Trace, k: int, rays: int) -> int | None:
         ttc_s = ego_time_to_collision(pair, 2, 0, directions, np.empty(rays), np.empty(rays))
         if ttc_s < soonest:
             soonest, found = ttc_s, i
+        distance = math.hypot(*_apart(trace, k, i))
+        if distance < nearest:
+            nearest, beside = distance, i
+    if soonest == trace.ttc_s[k] == math.inf:
+        return beside
     return found if soonest <= trace.ttc_s[k] else None
 
 

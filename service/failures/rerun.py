@@ -1,90 +1,118 @@
 """Run rollouts once more in worker processes: a rollout is a pure function, so what happened in it can be seen."""
 
 import multiprocessing
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
+from types import TracebackType
 
 import numpy as np
 
+from service.errors import WorkerError
 from service.failures.motion import Motion, motion_of
 from service.job import Job, Problem
 from service.sim.rollout import Simulator
 from service.trace import Trace, record
 
 AT_ONCE = 8  # rollouts that a worker is given at once
+Draw = tuple[np.ndarray, int]  # x (d,) and the noise seed
 
 
 @dataclass(frozen=True)
 class Again:
     """A rollout that was run once more.
 
-    motion: None where the smallest value is to background traffic, or the rollout failed; trace: of those asked for.
+    driven_m, time_s: how far and how long the ego drove; motion: None where the smallest value is to background
+    traffic, or the rollout failed; trace: of those asked for.
     """
 
     f: float
     outcome: str
     error: str | None
-    motion: Motion | None
-    trace: Trace | None
+    driven_m: float = 0.0
+    time_s: float = 0.0
+    motion: Motion | None = None
+    trace: Trace | None = None
 
 
-def rerun(
-    job: Job,
-    drawn: Sequence[tuple[np.ndarray, int]],
-    workers: int = 1,
-    traced: Collection[int] = (),
-    on_done: Callable[[int], None] = lambda count: None,
-) -> list[Again]:
-    """Run the rollouts of (x (d,), noise seed) again, in order; `traced`: which to return the traces of.
+class Rerunner:
+    """Worker processes for one job, started when first needed; use as a context manager.
 
-    A rollout that ends its process is an error like any other. SUMO allows one simulation a process, so this never
-    runs in the caller's.
+    SUMO allows one simulation a process, so rollouts never run in the caller's. One that ends its process is an error
+    like any other.
     """
-    if not drawn:
-        return []
-    found: dict[int, Again] = {}
-    keep = frozenset(traced)
-    parts = [range(i, min(i + AT_ONCE, len(drawn))) for i in range(0, len(drawn), AT_ONCE)]
-    suspects: list[range] = []
-    with _pool(job, min(workers, len(parts))) as pool:
-        running = {
-            pool.submit(_run, [drawn[i] for i in part], [i in keep for i in part]): part for part in parts
-        }
+
+    def __init__(self, job: Job, workers: int = 1):
+        self._job, self._workers = job, workers
+        self._pool: ProcessPoolExecutor | None = None
+
+    def __enter__(self) -> "Rerunner":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stop()
+
+    def run(
+        self,
+        drawn: Sequence[Draw],
+        traced: Collection[int] = (),
+        on_done: Callable[[int], None] = lambda count: None,
+    ) -> list[Again]:
+        """Run the rollouts again, in order; traced: which to return the traces of; on_done: told how many more."""
+        found: dict[int, Again] = {}
+        parts = [range(i, min(i + AT_ONCE, len(drawn))) for i in range(0, len(drawn), AT_ONCE)]
+        suspects: list[int] = []
+        running = {}
+        for part in parts:
+            future = self._started(len(parts)).submit(
+                _run, [drawn[i] for i in part], [i in traced for i in part]
+            )
+            running[future] = part
         for future in as_completed(running):
-            part = running[future]
             try:
-                found |= dict(zip(part, future.result(), strict=True))
-                on_done(len(part))
+                found |= dict(zip(running[future], future.result(), strict=True))
+                on_done(len(running[future]))
             except BrokenProcessPool:
-                suspects.append(part)
-    for i, again in _one_by_one(job, drawn, [i for part in sorted(suspects, key=min) for i in part], keep):
-        found[i] = again
-        on_done(1)
-    return [found[i] for i in range(len(drawn))]
+                suspects += running[future]
+        if suspects:
+            self._stop()
+        for i in sorted(suspects):  # each alone, so that one that ends its process takes no other with it
+            found[i] = self._alone(drawn[i], i in traced)
+            on_done(1)
+        return [found[i] for i in range(len(drawn))]
 
+    def _alone(self, draw: Draw, traced: bool) -> Again:
+        try:
+            return self._started(1).submit(_run, [draw], [traced]).result()[0]
+        except BrokenProcessPool:
+            self._stop()
+            return Again(np.nan, "error", "the process that ran it died")
 
-def _one_by_one(
-    job: Job, drawn: Sequence[tuple[np.ndarray, int]], rows: Sequence[int], keep: frozenset[int]
-) -> Iterator[tuple[int, Again]]:
-    """Each rollout alone, so that one that ends its process takes no other with it."""
-    left = list(rows)
-    while left:
-        with _pool(job, 1) as pool:
-            while left:
-                row = left.pop(0)
-                try:
-                    yield row, pool.submit(_run, [drawn[row]], [row in keep]).result()[0]
-                except BrokenProcessPool:
-                    yield row, Again(np.nan, "error", "the process that ran it died", None, None)
-                    break
+    def _started(self, parts: int) -> ProcessPoolExecutor:
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(
+                max(min(self._workers, parts), 1),
+                multiprocessing.get_context("spawn"),
+                initializer=_open,
+                initargs=(self._job,),
+            )
+            try:
+                self._pool.submit(_ready).result()
+            except BrokenProcessPool as error:
+                self._stop()
+                raise WorkerError(
+                    "a process to run rollouts again ended before the first; its own message is above, or run one with "
+                    "`tailroad rollout` to see it"
+                ) from error
+        return self._pool
 
-
-def _pool(job: Job, workers: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(
-        workers, multiprocessing.get_context("spawn"), initializer=_open, initargs=(job,)
-    )
+    def _stop(self) -> None:
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
 
 
 _problem: Problem | None = None
@@ -97,16 +125,15 @@ def _open(job: Job) -> None:
     _simulator = _problem.simulator()
 
 
-def _run(drawn: Sequence[tuple[np.ndarray, int]], traced: Sequence[bool]) -> list[Again]:
+def _ready() -> None:
+    pass
+
+
+def _run(drawn: Sequence[Draw], traced: Sequence[bool]) -> list[Again]:
     assert _problem is not None
     assert _simulator is not None
-    return [
-        again if keep else replace(again, trace=None)
-        for keep, again in (
-            (keep, look(_problem, _simulator, x, noise))
-            for keep, (x, noise) in zip(traced, drawn, strict=True)
-        )
-    ]
+    found = [look(_problem, _simulator, x, noise) for x, noise in drawn]
+    return [again if keep else replace(again, trace=None) for again, keep in zip(found, traced, strict=True)]
 
 
 def look(problem: Problem, simulator: Simulator, x: np.ndarray, noise: int) -> Again:
@@ -114,6 +141,14 @@ def look(problem: Problem, simulator: Simulator, x: np.ndarray, noise: int) -> A
     trace = record(problem, simulator, x, noise)
     result = trace.rollout
     if result.error is not None:
-        return Again(result.f, result.outcome, result.error, None, None)
-    motion = motion_of(trace, problem.job.scenario.safety.rays, problem.corridor)
-    return Again(result.f, result.outcome, None, motion, trace)
+        return Again(result.f, result.outcome, result.error)
+    station = trace.station_m[:, trace.ego]
+    return Again(
+        result.f,
+        result.outcome,
+        None,
+        float(station[-1] - station[0]),
+        float(trace.time_s[-1]),
+        motion_of(trace, problem.job.scenario.safety.rays, problem.corridor),
+        trace,
+    )

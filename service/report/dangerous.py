@@ -1,164 +1,78 @@
-"""The most dangerous rollouts: which they are, and what happened in them, by running them once more."""
+"""How the ego fails: the failure modes of a run, rollouts of them worth drawing, and how far the ego drives."""
 
-import multiprocessing
-import struct
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from pathlib import Path
 
-import msgspec
-import numpy as np
-
-from service import agents as A
-from service.job import Job, Problem
+from service.exposure import Exposure, exposure_of
+from service.failures.examine import examine
+from service.failures.find import Found, find_failures
+from service.failures.objects import Failure, Failures
+from service.failures.rerun import Rerunner
+from service.failures.tell import failure_told
 from service.record import JobRecord
-from service.safety.ttc import ego_time_to_collision
-from service.sensors.lidar import beam_directions
-from service.sim.rollout import Simulator
-from service.trace import Trace, record
+from service.trace import Trace
 
-
-@dataclass(frozen=True)
-class Ranked:
-    """An estimation rollout with f <= gamma: row `row` of its job's estimation stream.
-
-    log_likelihood: log p0(x), nats; weight: p0(x) over the proposal's density (1 for naive Monte Carlo); share: of
-    the estimate that this rollout carries.
-    """
-
-    record: JobRecord
-    rank: int  # 1 is the first
-    row: int
-    x: np.ndarray
-    noise: int
-    f: float
-    log_likelihood: float
-    weight: float
-    share: float
+EXAMINED = 200  # dangerous rollouts at most that a report has run again and grouped: shares to within 7% of p
 
 
 @dataclass(frozen=True)
 class Retold:
-    """A ranked rollout, run once more.
+    """A dangerous rollout, run once more.
 
-    trace: None where the run failed, for which `error` has the reason; threat: the vehicle that the smallest time to
-    collision is to, a row of the scenario's vehicles, None where it is background traffic; same: f came out the same
-    to the bit as on record.
+    trace: None where the run failed, for which `failure.error` has the reason; threat: the vehicle that the smallest
+    value is to, a row of the scenario's vehicles, None where it is background traffic.
     """
 
-    ranked: Ranked
+    record: JobRecord
+    failure: Failure
     trace: Trace | None
-    threat: int | None
-    same: bool
-    error: str | None
+
+    @property
+    def threat(self) -> int | None:
+        return None if self.failure.motion is None else self.failure.motion.other
 
 
-def pick(records: Sequence[JobRecord], total: int) -> list[Ranked]:
-    """At most `total` events of the run, as evenly from its jobs as they have them, best rank first."""
-    counts = [0] * len(records)
-    left = total
-    while left > 0 and any(c < r.event_rows.size for c, r in zip(counts, records, strict=True)):
-        for i, job_record in enumerate(records):
-            if left > 0 and counts[i] < job_record.event_rows.size:
-                counts[i] += 1
-                left -= 1
-    return [r for job_record, n in zip(records, counts, strict=True) for r in ranked(job_record, n)]
+@dataclass(frozen=True)
+class LookBack:
+    """What was seen by running rollouts again; nothing of it where none was."""
+
+    failures: Failures | None = None
+    retold: tuple[Retold, ...] = ()
+    exposure: Exposure | None = None
 
 
-def ranked(job_record: JobRecord, count: int) -> list[Ranked]:
-    """The first `count` events: of naive Monte Carlo by f, the lowest first; of a proposal by what they add to p.
+def look_back(
+    run: str, record: JobRecord, drawn: int, workers: int, folder: Path | None, confidence: float = 0.95
+) -> LookBack:
+    """Run dangerous rollouts of a job again, and some of P0; `drawn`: how many to return the traces of.
 
-    That is their likelihood under P0 over that under the proposal. The likelihood under P0 itself (the paper's
-    order) is given beside it; in hundreds of dimensions it mostly tells how close driver weights that hardly
-    matter are to their mean.
+    folder: where what was run again is remembered.
     """
-    estimate, rows = job_record.estimate, job_record.event_rows
-    f = estimate.f[rows]
-    log_weights = np.zeros(rows.size) if estimate.log_weights is None else estimate.log_weights[rows]
-    weights = np.exp(log_weights)
-    key = f if estimate.log_weights is None else -log_weights
-    found = []
-    for rank, i in enumerate(np.lexsort((rows, key))[:count].tolist(), start=1):
-        row = int(rows[i])
-        x, noise = job_record.redraw("estimate", job_record.estimate_iteration, row)
-        found.append(
-            Ranked(
-                job_record,
-                rank,
-                row,
-                x,
-                noise,
-                float(f[i]),
-                float(job_record.event_log_likelihood[i]),
-                float(weights[i]),
-                float(weights[i] / weights.sum()),
-            )
+    with Rerunner(record.job, workers) as rerunner:
+        exposure = exposure_of(record.job, record.problem.base, rerunner, confidence, folder)
+        found = find_failures(run, record, rerunner, limit=drawn, most=EXAMINED, folder=folder)
+        shown = worth_drawing(found, drawn)
+        traced = examine(found.examined.events, rerunner, (), 0, shown, folder)
+    rank = {position: i for i, position in enumerate(found.ranking, start=1)}
+    retold = [
+        Retold(
+            record,
+            failure_told(traced.events, i, traced.again[i], rank[i], found.modes[i]),
+            traced.again[i].trace,
         )
-    return found
+        for i in shown
+    ]
+    return LookBack(found.failures, tuple(retold), exposure)
 
 
-def rerun(chosen: Sequence[Ranked]) -> list[Retold]:
-    """Run the chosen rollouts once more, in a process of their own (SUMO allows one simulation a process)."""
-    worlds: dict[bytes, list[int]] = {}
-    for i, r in enumerate(chosen):
-        job = r.record.job
-        worlds.setdefault(msgspec.msgpack.encode((job.scenario, job.ego, job.weights_sha256)), []).append(i)
-    retold: dict[int, Retold] = {}
-    for members in worlds.values():
-        with ProcessPoolExecutor(
-            1,
-            multiprocessing.get_context("spawn"),
-            initializer=_open,
-            initargs=(chosen[members[0]].record.job,),
-        ) as pool:
-            for i in members:
-                retold[i] = _rerun_one(pool, chosen[i])
-    return [retold[i] for i in range(len(chosen))]
+def worth_drawing(found: Found, count: int) -> list[int]:
+    """Positions of an example of each mode, the largest share first, then of the first in rank."""
+    examples = [found.ranking[mode.example.rank - 1] for mode in found.failures.modes]
+    first = found.ranking[: count + len(examples)]
+    return list(dict.fromkeys([*examples[:count], *first]))[:count]
 
 
-def _rerun_one(pool: ProcessPoolExecutor, r: Ranked) -> Retold:
-    try:
-        trace, threat = pool.submit(_record, r.x, r.noise).result()
-    except BrokenProcessPool:
-        return Retold(r, None, None, False, "the process that ran it, or one before it, died")
-    if trace.rollout.error is not None:
-        return Retold(r, None, None, False, trace.rollout.error)
-    return Retold(r, trace, threat, _same_bits(trace.rollout.f, r.f), None)
-
-
-_problem: Problem | None = None
-_simulator: Simulator | None = None  # of the child process
-
-
-def _open(job: Job) -> None:
-    global _problem, _simulator
-    _problem = Problem(job)
-    _simulator = _problem.simulator()
-
-
-def _record(x: np.ndarray, noise: int) -> tuple[Trace, int | None]:
-    assert _problem is not None
-    assert _simulator is not None
-    trace = record(_problem, _simulator, x, noise)
-    return trace, _threat(trace, _problem.job.scenario.safety.rays)
-
-
-def _threat(trace: Trace, rays: int) -> int | None:
-    """The vehicle whose time to collision alone is the smallest of the rollout; None if no controlled one's is."""
-    if not trace.ttc_s.size:
-        return None
-    k = int(np.argmin(trace.ttc_s))
-    directions = beam_directions(rays)
-    for i in range(len(trace.names)):
-        if i == trace.ego or trace.agents[k, i, A.ACTIVE] == 0.0:
-            continue
-        pair = np.ascontiguousarray(trace.agents[k, [trace.ego, i]])
-        ttc_s = ego_time_to_collision(pair, 2, 0, directions, np.empty(rays), np.empty(rays))
-        if ttc_s == trace.ttc_s[k]:
-            return i
-    return None
-
-
-def _same_bits(a: float, b: float) -> bool:
-    return struct.pack("<d", a) == struct.pack("<d", b)
+def telling(records: Sequence[JobRecord]) -> JobRecord:
+    """The job that has met the most dangerous rollouts, in effective numbers; as `tailroad failures` takes it."""
+    return max(records, key=lambda record: record.estimate.ess)

@@ -28,7 +28,7 @@ def drawing(retold: Retold, facts: dict[str, Any], corridor: Corridor) -> Pictur
         return None
     k = int(np.argmin(trace.ttc_s))
     shown = _window(trace.time_s, k)
-    gamma = retold.ranked.record.job.gamma
+    gamma, f = retold.record.job.gamma, retold.failure.f
     with ink.figure(6.3) as drawn:
         over, close, ttc, speed = drawn.subplots(
             4, 1, gridspec_kw={"height_ratios": [1.7, 1.25, 1.0, 1.0]}, squeeze=True
@@ -38,13 +38,13 @@ def drawing(retold: Retold, facts: dict[str, Any], corridor: Corridor) -> Pictur
         _ttc(ttc, trace, gamma, k, shown)
         _speeds(speed, trace, retold.threat, k, shown)
         ttc.sharex(speed)
-        title = f"{facts['method_name']}, rank {facts['rank']}: f = {significant(retold.ranked.f)} s"
-        with_whom = f" to {facts['threat']}" if facts["threat"] else ""
+        title = f"Rank {facts['rank']}: {facts['mode_name']}; f = {significant(f)} s"
+        with_whom = f" to {facts['other']}" if facts["other"] else ""
         return ink.picture(
             drawn,
             title,
             f"Rollout {facts['row']}: the smallest time to collision, {significant(trace.rollout.f)} s{with_whom}, "
-            f"comes {facts['smallest_ttc_at_s']:.1f} s after the start; the rollout ends with {facts['outcome']} after "
+            f"comes {facts['worst_at_s']:.1f} s after the start; the rollout ends with {facts['outcome']} after "
             f"{trace.time_s[-1]:.1f} s.",
             "",
         )

@@ -13,11 +13,16 @@ import msgspec
 import numpy as np
 
 import ce
+from service.exposure import Exposure
+from service.failures.examine import mode_name
+from service.failures.objects import Failures
+from service.job import Job
 from service.record import JobRecord
 from service.report import words
-from service.report.dangerous import Retold
+from service.report.dangerous import LookBack, Retold
+from service.risk import POLICE_REPORTED, Baseline, event_of, rate_of
 from service.scenario.base import PER_VEHICLE
-from service.summary import Cost, comparisons, summary_of, variance_reliable
+from service.summary import Cost, comparisons, json_ready, summary_of, variance_reliable
 from service.thresholds import curve_gammas
 
 FORMAT = 1
@@ -30,7 +35,11 @@ LEAST_SHIFT_SD = 0.1
 
 
 def facts_of(
-    path: Path, records: Sequence[JobRecord], retold: Sequence[Retold], now: datetime
+    path: Path,
+    records: Sequence[JobRecord],
+    seen: LookBack,
+    now: datetime,
+    baseline: Baseline = POLICE_REPORTED,
 ) -> dict[str, Any]:
     """The report's facts. Numbers that are not finite are None."""
     known = [r for r in records if r.estimate.estimation_rollouts]
@@ -65,11 +74,25 @@ def facts_of(
             "file": msgspec.to_builtins(first.scenario),
         },
         "jobs": jobs,
-        "dangerous": [_dangerous(r) for r in retold],
+        "risk": _risk(headline, first, seen.exposure, baseline),
+        "failure_modes": _failure_modes(seen.failures),
+        "dangerous": [_dangerous(r) for r in seen.retold],
         "commands": words.commands([r.job for r in records]),
         "versions": _versions(first.tailroad),
     }
     return json_ready(facts)
+
+
+def _risk(
+    headline: dict[str, Any], job: Job, exposure: Exposure | None, baseline: Baseline
+) -> dict[str, Any] | None:
+    """The headline's p as a rate; None where the kilometres are not known."""
+    if exposure is None:
+        return None
+    found = rate_of(
+        headline["p"], tuple(headline["ci"]), headline["confidence"], exposure, event_of(job), baseline
+    )
+    return msgspec.to_builtins(found)
 
 
 def _job(record: JobRecord, against_naive: dict[str, Any] | None, gammas: np.ndarray) -> dict[str, Any]:
@@ -222,31 +245,23 @@ def _disagreement(jobs: Sequence[dict[str, Any]]) -> str | None:
 
 
 def _dangerous(retold: Retold) -> dict[str, Any]:
-    r, trace = retold.ranked, retold.trace
-    job = r.record.job
-    vehicles = job.scenario.vehicles
-    return {
+    failure, trace, job = retold.failure, retold.trace, retold.record.job
+    return msgspec.to_builtins(failure) | {
         "job": job.id,
         "method_name": words.METHOD_NAMES.get(job.method, job.method),
-        "rank": r.rank,
-        "row": r.row,
-        "noise_seed": str(r.noise),
-        "f": r.f,
-        "log_likelihood": r.log_likelihood,
-        "weight": r.weight,
-        "share": r.share,
-        "same_to_the_bit": retold.same,
-        "error": retold.error,
-        "f_again": None if trace is None else trace.rollout.f,
-        "outcome": None if trace is None else trace.rollout.outcome,
+        "mode_name": mode_name(failure.mode),
         "steps": None if trace is None else trace.rollout.steps,
-        "smallest_ttc_at_s": None if trace is None else float(trace.time_s[int(np.argmin(trace.ttc_s))]),
-        "threat": None if retold.threat is None else vehicles[retold.threat].name,
-        "starts": {
-            vehicle.name: dict(zip(PER_VEHICLE, r.x[4 * i : 4 * i + 4].tolist(), strict=True))
-            for i, vehicle in enumerate(vehicles)
-        },
+        "worst_at_s": None if trace is None else float(trace.time_s[int(np.argmin(trace.measured))]),
     }
+
+
+def _failure_modes(failures: Failures | None) -> dict[str, Any] | None:
+    """The modes without the list of rollouts, of which the report shows some by themselves."""
+    if failures is None:
+        return None
+    told: dict[str, Any] = msgspec.to_builtins(failures)
+    del told["failures"]
+    return told
 
 
 def _versions(of_run: str) -> dict[str, str]:
@@ -257,16 +272,3 @@ def _versions(of_run: str) -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return found
-
-
-def json_ready(value: Any) -> Any:
-    """The same with None for numbers that JSON has no word for."""
-    if isinstance(value, dict):
-        return {str(k): json_ready(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [json_ready(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

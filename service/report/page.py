@@ -12,7 +12,7 @@ from markupsafe import Markup
 from service import wording
 from service.record import JobRecord
 from service.report import drawings, figures, ink
-from service.report.dangerous import Retold
+from service.report.dangerous import LookBack
 from service.report.ink import Picture
 
 FOLDER = Path(__file__).parent
@@ -21,21 +21,22 @@ SECTIONS = {  # a template each, in this order, with its title in the list of se
     "comparison": "Methods compared",
     "estimates": "Estimates",
     "search": "The search",
-    "dangerous": "Most dangerous rollouts",
+    "modes": "How it fails",
+    "dangerous": "Dangerous rollouts",
     "failures": "Failed rollouts",
     "method": "Method and limits",
     "reproduce": "Reproduce",
 }
 
 
-def page_of(facts: dict[str, Any], records: Sequence[JobRecord], retold: Sequence[Retold]) -> str:
+def page_of(facts: dict[str, Any], records: Sequence[JobRecord], seen: LookBack) -> str:
     """The page, self-contained: style and pictures are inside it."""
     return render(
         "page.html",
         facts=facts,
         sections=list(SECTIONS),
         titles=[(section, title) for section, title in SECTIONS.items() if title],
-        pictures=Pictures(facts, records, retold),
+        pictures=Pictures(facts, records, seen),
         scenario_json=msgspec.json.format(msgspec.json.encode(facts["scenario"]["file"])).decode(),
         colours={"ego": ink.EGO, "threat": ink.THREAT, "other": ink.OTHER},
     )
@@ -72,10 +73,10 @@ def _exact(value: float | None) -> str:
 class Pictures:
     """The page's pictures; drawn when a template asks for them."""
 
-    def __init__(self, facts: dict[str, Any], records: Sequence[JobRecord], retold: Sequence[Retold]):
+    def __init__(self, facts: dict[str, Any], records: Sequence[JobRecord], seen: LookBack):
         self._facts = facts
         self._records = {r.job.id: r for r in records}
-        self._retold = retold
+        self._retold = seen.retold
 
     @cached_property
     def run(self) -> list[Picture]:
@@ -91,6 +92,6 @@ class Pictures:
     def dangerous(self) -> list[tuple[dict[str, Any], Picture | None]]:
         """The facts' dangerous rollouts, each with its picture."""
         return [
-            (told, drawings.drawing(r, told, r.ranked.record.problem.corridor))
+            (told, drawings.drawing(r, told, r.record.problem.corridor))
             for r, told in zip(self._retold, self._facts["dangerous"], strict=True)
         ]

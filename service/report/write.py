@@ -6,22 +6,29 @@ from pathlib import Path
 
 from service.errors import StoreError
 from service.record import replay
-from service.report.dangerous import pick, rerun
+from service.report.dangerous import LookBack, look_back, telling
 from service.report.facts import facts_of
 from service.report.page import page_of
+from service.risk import POLICE_REPORTED, Baseline
 from service.store import RunDirectory
 
 DRAWN = 6  # dangerous rollouts in a report
 
 
 def write_report(
-    store: RunDirectory, out: Path | None = None, drawn: int = DRAWN, now: datetime | None = None
+    store: RunDirectory,
+    out: Path | None = None,
+    drawn: int = DRAWN,
+    now: datetime | None = None,
+    baseline: Baseline = POLICE_REPORTED,
+    workers: int = 1,
 ) -> Path:
     """Write report.html and report.json into `out` (default: the run directory); the HTML file's path.
 
     Everything is taken from the record, so it works on a finished run, an interrupted one and one that still goes on.
-    `drawn` dangerous rollouts are run again in a process of their own (0: none, and no SUMO). Raises StoreError where
-    the record cannot be read, belongs to other weights, or the files cannot be written.
+    Dangerous rollouts are run again in `workers` processes, and `drawn` of them drawn (0: no SUMO, no failure modes, no
+    risk). baseline: what the risk is held against. Raises StoreError where the record cannot be read, belongs to other
+    weights, or the files cannot be written.
     """
     folder = store.path if out is None else out
     try:
@@ -29,9 +36,11 @@ def write_report(
     except OSError as error:
         raise _cannot_write(folder, error) from error
     records = [replay(store, job) for job in store.jobs]
-    told = rerun(pick(records, drawn))
-    facts = facts_of(store.path, records, told, now or datetime.now(UTC))
-    html = page_of(facts, records, told)
+    seen = LookBack()
+    if drawn:
+        seen = look_back(store.path.name, telling(records), drawn, workers, store.path)
+    facts = facts_of(store.path, records, seen, now or datetime.now(UTC), baseline)
+    html = page_of(facts, records, seen)
     page = folder / "report.html"
     try:
         text = json.dumps(facts, indent=1, allow_nan=False, ensure_ascii=False)

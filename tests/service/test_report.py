@@ -20,7 +20,7 @@ from service.evaluate import evaluate
 from service.job import Job, Problem, make_job
 from service.record import replay
 from service.report import figures, words, write_report
-from service.report.dangerous import pick, ranked
+from service.report.dangerous import LookBack
 from service.report.facts import facts_of
 from service.scenario import Scenario, load_scenario
 from service.store import FAILED, Chunk, RunDirectory
@@ -247,7 +247,7 @@ def test_an_unfinished_job_counts_as_far_as_its_record_goes(scenario, tmp_path, 
     job = jobs_of(scenario)[1]
     with RunDirectory.create(tmp_path / "half", (job,)) as store:
         fill(store, job, chunks=chunks)
-        (facts,) = facts_of(store.path, [replay(store, job)], [], NOW)["jobs"]
+        (facts,) = facts_of(store.path, [replay(store, job)], LookBack(), NOW)["jobs"]
     assert not facts["finished"]
     assert facts["p"] is None
     assert len(facts["training"]) == chunks // 2
@@ -292,26 +292,11 @@ def test_what_users_write_is_escaped_and_failures_are_listed(scenario, tmp_path)
     assert str(noise[702]) in page.words
 
 
-def test_the_most_dangerous_are_drawn_again_as_their_batches_drew_them(run):
-    path, _, _, _ = run
-    with RunDirectory.open(path) as store:
-        naive, search = (replay(store, job) for job in store.jobs)
-    lowest = ranked(naive, 4)
-    assert [r.f for r in lowest] == sorted(naive.estimate.f)[:4]
-    likeliest = ranked(search, 4)
-    density = search.problem.base.log_density(np.array([r.x for r in likeliest]))
-    assert density == pytest.approx([r.log_likelihood for r in likeliest])
-    assert density.tolist() == sorted(density, reverse=True)
-    for r in lowest + likeliest:
-        assert made_up_f(r.x[None])[0] == r.f
-    assert [r.record.job.id for r in pick([naive, search], 5)] == ["naive"] * 3 + ["ce"] * 2
-
-
 def test_the_report_is_the_same_each_time(run):
     path, html, _, facts = run
     with RunDirectory.open(path) as store:
         records = [replay(store, job) for job in store.jobs]
-    again = facts_of(path, records, [], NOW)
+    again = facts_of(path, records, LookBack(), NOW)
     assert again == facts
     assert figures.outcomes(again["jobs"]).source in html
 
@@ -320,10 +305,10 @@ def test_methods_that_cannot_both_be_right_are_named(run):
     path, _, _, _ = run
     with RunDirectory.open(path) as store:
         naive, search = (replay(store, job) for job in store.jobs)
-    assert facts_of(path, [naive, search], [], NOW)["disagreement"] is None
+    assert facts_of(path, [naive, search], LookBack(), NOW)["disagreement"] is None
     wrong = dataclasses.replace(naive.estimate, f=np.zeros(3000))
     odd = dataclasses.replace(naive, estimate=wrong)
-    assert "no value in common" in facts_of(path, [odd, search], [], NOW)["disagreement"]
+    assert "no value in common" in facts_of(path, [odd, search], LookBack(), NOW)["disagreement"]
 
 
 def test_a_folder_that_cannot_be_written_is_an_error_that_says_so(run, tmp_path):
