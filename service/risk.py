@@ -5,7 +5,6 @@ the assumptions, which go with it wherever it is shown.
 """
 
 import math
-from functools import partial
 
 import msgspec
 
@@ -49,12 +48,12 @@ class Risk(msgspec.Struct, frozen=True, kw_only=True):
     confidence: float
     exposure: Exposure
     per_million_km: float | None
-    per_million_km_ci: tuple[float, float]  # holds the uncertainty of p and of the kilometres
+    per_million_km_ci: tuple[float, float | None]  # holds the uncertainty of p and of the kilometres
     km_between: float | None  # kilometres from one event to the next
-    km_between_ci: tuple[float, float | None]  # None: no upper end
+    km_between_ci: tuple[float, float | None]  # None here and above: no upper end
     baseline: Baseline
     times_baseline: float | None
-    times_baseline_ci: tuple[float, float]
+    times_baseline_ci: tuple[float, float | None]
     said: str
     assumptions: tuple[str, ...]
 
@@ -99,18 +98,13 @@ def rate_of(
     """
     low, high = ci
     short, long = exposure.km_ci
-    rate = None if p is None or exposure.km <= 0 else p / exposure.km * MILLION
-    rate_ci = (
-        low / long * MILLION if long > 0 else 0.0,
-        high / short * MILLION if short > 0 else math.inf,
-    )
-    between = None if not rate else MILLION / rate
-    between_ci = (
-        MILLION / rate_ci[1] if rate_ci[1] > 0 else 0.0,
-        MILLION / rate_ci[0] if rate_ci[0] > 0 else None,
-    )
-    times = None if rate is None else rate / baseline.per_million_km
-    times_ci = (rate_ci[0] / baseline.per_million_km, rate_ci[1] / baseline.per_million_km)
+    rate = None if p is None or exposure.km <= 0.0 else p / exposure.km * MILLION
+    least = low / long * MILLION if long > 0.0 else 0.0
+    most = high / short * MILLION if short > 0.0 else None
+    per = baseline.per_million_km
+    rate_ci = least, most
+    between_ci = MILLION / most if most else 0.0, MILLION / least if least > 0.0 else None
+    times_ci = least / per, None if most is None else most / per
     return Risk(
         p=p,
         ci=ci,
@@ -118,10 +112,10 @@ def rate_of(
         exposure=exposure,
         per_million_km=rate,
         per_million_km_ci=rate_ci,
-        km_between=between,
+        km_between=MILLION / rate if rate else None,
         km_between_ci=between_ci,
         baseline=baseline,
-        times_baseline=times,
+        times_baseline=None if rate is None else rate / per,
         times_baseline_ci=times_ci,
         said=_said(event, p, rate, rate_ci, between_ci, confidence, times_ci, baseline),
         assumptions=_assumptions(exposure, event, baseline),
@@ -132,14 +126,17 @@ def _said(
     event: str,
     p: float | None,
     rate: float | None,
-    rate_ci: tuple[float, float],
+    rate_ci: tuple[float, float | None],
     between_ci: tuple[float, float | None],
     confidence: float,
-    times_ci: tuple[float, float],
+    times_ci: tuple[float, float | None],
     baseline: Baseline,
 ) -> str:
     """The risk in two sentences, each with its interval."""
-    say = partial(significant, digits=2)
+
+    def say(value: float | None) -> str:
+        return "∞" if value is None else significant(value, 2)
+
     sure = level(confidence)
     (low, high), (least, most) = rate_ci, times_ci
     what = event[:1].upper() + event[1:]
@@ -151,7 +148,7 @@ def _said(
         )
     return (
         f"{what}: about {say(rate)} times per million km ({sure} interval {say(low)} to {say(high)}), or once in "
-        f"{say(MILLION / rate)} km. That is {say(least)} to {say(most)} times {against}."
+        f"{say(MILLION / rate)} km ({say(between_ci[0])} to {say(between_ci[1])}). That is {say(least)} to {say(most)} times {against}."
     )
 
 

@@ -14,6 +14,7 @@ COMMANDS = {
     "replay": "service.cli.replay",
     "compare": "service.cli.compare",
     "report": "service.cli.report",
+    "schema": "service.cli.schema",
     "scenario": "service.cli.scenario",
     "nets": "service.cli.nets",
     "train": "service.cli.train",

@@ -47,6 +47,11 @@ def comparison_of(
             f"{runs[0]} has gamma {a.job.gamma:g} and {runs[1]} gamma {b.job.gamma:g}: p of different events says "
             "nothing about the egos; run one of them again with the other's --gamma"
         )
+    for record, run in zip((a, b), runs, strict=True):
+        if not record.estimate.estimation_rollouts:
+            raise InputError(
+                f"{run} has no answered rollout by {record.job.method} yet: let it run, or give --method"
+            )
     if a.job.scenario.safety != b.job.scenario.safety:
         raise InputError(
             f"{runs[0]} and {runs[1]} measure safety differently; compare runs with the same [safety]"

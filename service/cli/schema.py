@@ -1,0 +1,19 @@
+"""`tailroad schema NAME`: the JSON Schema of what commands print with --json."""
+
+import json
+
+import click
+import msgspec
+
+from service.comparison.objects import Comparison
+from service.failures.objects import Failure, Failures
+from service.risk import Risk
+
+SCHEMAS = {"failures": Failures, "failure": Failure, "comparison": Comparison, "risk": Risk}
+
+
+@click.command()
+@click.argument("name", type=click.Choice(sorted(SCHEMAS)))
+def command(name: str) -> None:
+    """Print the JSON Schema (2020-12) of an object: of `failures`, `replay` (failure), `compare`, or the risk."""
+    click.echo(json.dumps(msgspec.json.schema(SCHEMAS[name]), indent=2))
