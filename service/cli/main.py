@@ -21,6 +21,7 @@ COMMANDS = {
     "data": "service.cli.data",
     "drivers": "service.cli.drivers",
     "bench": "service.cli.bench",
+    "export": "service.cli.export",
     "serve": "service.cli.serve",
     "worker": "service.cli.worker",
 }

@@ -100,6 +100,11 @@ class RunDirectory:
         """The recorded chunks of a batch that hold any of rows [start, stop), by start; stop = None: to its end."""
         return [chunk for chunk, _ in self._record.chunks(job_id, phase, iteration, start, stop)]
 
+    @property
+    def record(self) -> ChunkRecord:
+        """The chunks, with where each comes from."""
+        return self._record
+
     def all_chunks(self, job_id: str) -> Iterator[tuple[str, int, Chunk]]:
         """Every recorded chunk of a job as (phase, iteration, chunk)."""
         return self._record.all_chunks(job_id)

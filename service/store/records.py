@@ -42,9 +42,14 @@ class ChunkRecord:
 
     def all_chunks(self, job: str) -> Iterator[tuple[str, int, Chunk]]:
         """Every chunk of a job as (phase, iteration, chunk)."""
+        for phase, iteration, chunk, _ in self.with_origins(job):
+            yield phase, iteration, chunk
+
+    def with_origins(self, job: str) -> Iterator[tuple[str, int, Chunk, Origin]]:
+        """Every chunk of a job as (phase, iteration, chunk, origin)."""
         query = self._of(job).order_by(chunks.c.phase, chunks.c.iteration, chunks.c.start, chunks.c.epoch)
         for row in self._read(query):
-            yield row.phase, row.iteration, chunk_of(row)
+            yield row.phase, row.iteration, chunk_of(row), Origin(row.digest, row.worker, row.epoch)
 
     def _of(self, job: str) -> sa.Select:
         same = sa.and_(*(chunks.c[name] == voids.c[name] for name in _KEY))
