@@ -6,7 +6,8 @@ from typing import Any
 
 import click
 
-# Command -> the module that holds it, loaded when it is called: `tailroad --help` stays quick.
+# Command -> the module that holds it, as `command` or by the name after a colon. It is loaded when it is called:
+# `tailroad --help` stays quick.
 COMMANDS = {
     "estimate": "service.cli.estimate",
     "rollout": "service.cli.rollout",
@@ -24,6 +25,15 @@ COMMANDS = {
     "export": "service.cli.export",
     "serve": "service.cli.serve",
     "worker": "service.cli.worker",
+    "submit": "service.cli.submit",
+    "jobs": "service.cli.jobs",
+    "show": "service.cli.show",
+    "watch": "service.cli.watch",
+    "cancel": "service.cli.orders:cancel",
+    "pause": "service.cli.orders:pause",
+    "resume": "service.cli.orders:resume",
+    "get": "service.cli.get",
+    "health": "service.cli.health",
 }
 INTERRUPTED = 130
 
@@ -37,18 +47,28 @@ class Tailroad(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in COMMANDS:
             return None
-        return importlib.import_module(COMMANDS[name]).command
+        module, _, command = COMMANDS[name].partition(":")
+        return getattr(importlib.import_module(module), command or "command")
 
     def invoke(self, ctx: click.Context) -> Any:
-        from ce import CeError
-        from policies.drivers import WeightsError
-        from service.errors import TailroadError
-        from sumo_nets.errors import NetworkError
-
         try:
             return super().invoke(ctx)
-        except (TailroadError, CeError, WeightsError, NetworkError) as error:
-            raise BadInput(str(error)) from error
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except Exception as error:
+            if isinstance(error, _told_in_a_sentence()):
+                raise BadInput(str(error)) from error
+            raise
+
+
+def _told_in_a_sentence() -> tuple[type[Exception], ...]:
+    """Errors that the user can put right; imported only where there is one, as that takes a while."""
+    from ce import CeError
+    from policies.drivers import WeightsError
+    from service.errors import TailroadError
+    from sumo_nets.errors import NetworkError
+
+    return TailroadError, CeError, WeightsError, NetworkError
 
 
 class BadInput(click.ClickException):

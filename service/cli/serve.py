@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from service.cli.api_options import ApiSettings, api_options
 from service.cli.options import core_count
 
 LOOPBACK = ("/127.", "/localhost:", "/[::1]")
@@ -18,10 +19,11 @@ LOOPBACK = ("/127.", "/localhost:", "/[::1]")
               help="Zenoh endpoint for workers and clients; once for each.")  # fmt: skip
 @click.option("--home", type=click.Path(file_okay=False, path_type=Path), default=Path("fleet"), show_default=True,
               help="Folder of the database.")  # fmt: skip
-@click.option("--database", help="Its URL, for PostgreSQL: postgresql+psycopg://USER@HOST/NAME.  "
-              "[default: SQLite in --home]")  # fmt: skip
-@click.option("--workers", type=click.IntRange(0, 1024), help="Local worker processes; 0: none.  "
+@click.option("--store", "--database", "database", help="URL of the database, for PostgreSQL: "
+              "postgresql+psycopg://USER@HOST/NAME.  [default: SQLite in --home]")  # fmt: skip
+@click.option("--procs", "--workers", "workers", type=click.IntRange(0, 1024), help="Local worker processes; 0: none.  "
               "[default: one for each core]")  # fmt: skip
+@api_options()
 @click.option("--audit-share", type=click.FloatRange(0, 1), default=0.02, show_default=True,
               help="Share of the chunks that a second worker runs again, to compare.")  # fmt: skip
 @click.option("--chunk-seconds", type=click.FloatRange(0.01, 600), default=1.0, show_default=True,
@@ -36,20 +38,24 @@ def command(
     audit_share: float,
     chunk_seconds: float,
     zenoh_config: str | None,
+    api: ApiSettings,
 ) -> None:
     """Serve jobs: take them, run them on local and connected workers, answer questions, until told to stop.
 
     What was run is in the database: a serve that was killed goes on where it was.
     """
+    from service.api.server import Api
     from service.errors import InputError
     from service.fleet.hub import Hub
     from service.fleet.local import LocalWorker
     from service.fleet.policy import Policy
+    from service.fleet.service import Fleet
     from service.fleet.zenoh_link import HubLink, router_session
     from service.store.database import sqlite_url
     from service.store.jobs import JobStore
 
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    limits = api.read_limits()
     stopping = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stopping.set())
@@ -69,6 +75,7 @@ def command(
         hub.start()
         stack.callback(hub.stop)
         stack.callback(HubLink(session, hub).close)
+        stack.callback(Api(session, Fleet(hub), api.offered, limits).close)
         procs = core_count() if workers is None else workers
         if procs > 0:
             stack.callback(LocalWorker(listen[0], procs, zenoh_config).stop)

@@ -9,6 +9,10 @@ from service.errors import InputError
 zenoh.init_log_from_env_or("error")
 
 
+class SessionError(InputError):
+    """No session: nobody is there, or the address is taken or not allowed."""
+
+
 def router_session(listen: list[str], config_file: str | None = None) -> zenoh.Session:
     """A session that is the router itself and listens on endpoints such as tcp/127.0.0.1:7447."""
     config = _config(config_file)
@@ -18,13 +22,15 @@ def router_session(listen: list[str], config_file: str | None = None) -> zenoh.S
     return _open(config, f"cannot listen on {', '.join(listen)}")
 
 
-def client_session(connect: list[str], config_file: str | None = None) -> zenoh.Session:
-    """A client's session, connected to one of the endpoints, now or as soon as it is there."""
+def client_session(
+    connect: list[str], config_file: str | None = None, wait_s: float | None = None
+) -> zenoh.Session:
+    """A client's session, connected to one of the endpoints; it waits until one is there, InputError after wait_s."""
     config = _config(config_file)
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps(connect))
-    config.insert_json5("connect/timeout_ms", "-1")
-    config.insert_json5("connect/exit_on_failure", "false")
+    config.insert_json5("connect/timeout_ms", "-1" if wait_s is None else str(round(1000 * wait_s)))
+    config.insert_json5("connect/exit_on_failure", "false" if wait_s is None else "true")
     return _open(config, f"cannot connect to {', '.join(connect)}")
 
 
@@ -42,6 +48,6 @@ def _open(config: zenoh.Config, failure: str) -> zenoh.Session:
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:
-        raise InputError(
+        raise SessionError(
             f"{failure}: {error}; check the address, or whether something else uses it"
         ) from error

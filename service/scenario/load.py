@@ -72,10 +72,15 @@ def load_scenario(name_or_path: str) -> Scenario:
     """
     path = _find(name_or_path)
     source = path.stem if path.parent == FOLDER else str(path)
+    return parse_scenario(read_toml(path, source), source, path.parent)
+
+
+def read_toml(path: Path, source: str) -> dict[str, Any]:
+    """What the file `path`, called `source` in messages, says; ScenarioError where it cannot be read."""
     try:
         if path.stat().st_size > MAX_BYTES:
             raise ScenarioError(source, "", None, f"larger than {MAX_BYTES} bytes; this is not a scenario")
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except UnicodeDecodeError as error:
         raise ScenarioError(source, "", None, f"not a text file in UTF-8: {error}") from error
     except ValueError as error:  # tomllib's own error is one, and so is a number with thousands of digits
@@ -84,7 +89,6 @@ def load_scenario(name_or_path: str) -> Scenario:
         raise ScenarioError(source, "", None, f"cannot be read: {error.strerror or error}") from error
     except RecursionError as error:
         raise ScenarioError(source, "", None, TOO_DEEP) from error
-    return parse_scenario(data, source, path.parent)
 
 
 def parse_scenario(data: dict[str, Any], source: str, folder: Path) -> Scenario:

@@ -1,0 +1,124 @@
+"""The API without a network: a key, parameters and a body in; an answer or a problem out."""
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from importlib.metadata import version
+
+import msgspec
+
+from service.api import reading, routes, schemas
+from service.api.background import Background
+from service.api.catalogue import Catalogue
+from service.api.dangerous import DangerousAnswers
+from service.api.jobs import JobAnswers
+from service.api.limits import Bucket, Limits
+from service.api.objects import About
+from service.api.problems import ApiError, problem_of, short
+from service.api.requests import Nothing
+from service.api.results import ResultAnswers
+from service.api.state import StateAnswers
+from service.fleet.service import Fleet
+
+log = logging.getLogger("tailroad.api")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """JSON, and whether it is what was asked for (status 200) or a problem."""
+
+    status: int
+    body: bytes
+
+    @property
+    def ok(self) -> bool:
+        return self.status < 400
+
+
+class Application:
+    """Answers for a fleet; may be called from any thread. seen: told of (action, status, seconds) of each request."""
+
+    def __init__(
+        self,
+        fleet: Fleet,
+        catalogue: Catalogue,
+        limits: Limits,
+        seen: Callable[[str, int, float], None] = lambda action, status, seconds: None,
+    ):
+        self.limits = limits
+        self._seen = seen
+        self._background = Background(limits.wait_s)
+        self._state = StateAnswers(fleet, catalogue)
+        jobs, results = JobAnswers(fleet, catalogue, limits), ResultAnswers(fleet)
+        dangerous = DangerousAnswers(fleet, self._background, limits)
+        self._parts = (self, self._state, jobs, results, dangerous)
+        self._requests = Bucket(limits.requests_per_s, limits.burst)
+        self._submissions = Bucket(limits.submissions_per_s, limits.burst)
+
+    def answer(self, key: str, parameters: str, payload: bytes | None) -> Answer:
+        """The answer to a query on `key`, below tailroad/v1/; never raises."""
+        began, action = time.perf_counter(), "none"
+        try:
+            self._pass(self._requests)
+            if payload is not None and len(payload) > self.limits.body_bytes:
+                text = f"a body of {len(payload)} bytes; this service takes at most {self.limits.body_bytes}"
+                raise ApiError("too-large", text)
+            if (name := key.removeprefix("schemas/")) != key:
+                action = "schema"
+                answer = Answer(200, self._schema(name))
+            else:
+                route, names = routes.find(key, bool(payload))
+                action = route.action
+                answer = Answer(200, msgspec.json.encode(self._do(route, names, parameters, payload)))
+        except Exception as error:
+            problem = problem_of(error, f"{routes.PREFIX}/{short(key)}")
+            if problem.status == 500:
+                log.exception("request on %s", short(key))
+            answer = Answer(problem.status, msgspec.json.encode(problem))
+        self._seen(action, answer.status, time.perf_counter() - began)
+        return answer
+
+    def refuse(self, key: str, error: ApiError) -> Answer:
+        """The problem of a request that is not looked at."""
+        problem = problem_of(error, f"{routes.PREFIX}/{short(key)}")
+        self._seen("none", problem.status, 0.0)
+        return Answer(problem.status, msgspec.json.encode(problem))
+
+    def about(self, asked: Nothing) -> About:
+        return routes.about(version("tailroad"), {k: float(v) for k, v in asdict(self.limits).items()})
+
+    def close(self) -> None:
+        self._background.close()
+        self._state.close()
+
+    def _do(
+        self, route: routes.Route, names: dict[str, str], parameters: str, payload: bytes | None
+    ) -> msgspec.Struct:
+        if any("*" in name or "$" in name for name in names.values()):
+            raise ApiError("bad-request", f"wildcards are not answered; name one {' and one '.join(names)}")
+        asked = reading.checked(route.takes, reading.parameters(parameters))
+        handler = next(getattr(part, route.action) for part in self._parts if hasattr(part, route.action))
+        if route.body is not None:
+            self._pass(self._submissions)
+            return handler(reading.body(route.body, payload or b""))
+        return handler(asked, **names)
+
+    def _schema(self, name: str) -> bytes:
+        if name not in self._schemas:
+            raise ApiError(
+                "not-found", f"there is no schema {short(name)!r}; there are {', '.join(self._schemas)}"
+            )
+        return self._schemas[name]
+
+    @cached_property
+    def _schemas(self) -> dict[str, bytes]:
+        return schemas.published()
+
+    def _pass(self, bucket: Bucket) -> None:
+        wait_s = bucket.wait_s()
+        if wait_s > 0.0:
+            raise ApiError(
+                "too-many-requests", f"try again in {wait_s:.2g} s", retry_after_s=round(wait_s, 3)
+            )

@@ -1,0 +1,47 @@
+"""How much a client may ask of the service."""
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Limits:
+    """body_bytes: of a request; requests_per_s, submissions_per_s: of all clients together, `burst` times as many at
+    once; open_jobs: not over; budget: rollouts of a job; batch_rows: of a batch, as all of it is held in memory;
+    pending: requests that wait for an answer; threads: that answer; examine: dangerous rollouts that are run again for
+    one answer; rerun_procs: processes that do; wait_s: for an answer that is being computed."""
+
+    body_bytes: int = 1_000_000
+    requests_per_s: float = 200.0
+    submissions_per_s: float = 20.0
+    burst: float = 5.0
+    open_jobs: int = 1000
+    budget: int = 100_000_000
+    batch_rows: int = 100_000
+    pending: int = 256
+    threads: int = 4
+    examine: int = 400
+    rerun_procs: int = 1
+    wait_s: float = 4.0
+
+
+class Bucket:
+    """Lets `rate` a second through, up to `burst` seconds' worth at once."""
+
+    def __init__(self, rate: float, burst: float, clock: Callable[[], float] = time.monotonic):
+        self._rate, self._most, self._clock = rate, max(1.0, rate * burst), clock
+        self._left, self._at = self._most, clock()
+        self._lock = threading.Lock()
+
+    def wait_s(self) -> float:
+        """0 where one more may pass now, else the seconds until it may."""
+        with self._lock:
+            now = self._clock()
+            self._left = min(self._most, self._left + (now - self._at) * self._rate)
+            self._at = now
+            if self._left >= 1.0:
+                self._left -= 1.0
+                return 0.0
+            return (1.0 - self._left) / self._rate

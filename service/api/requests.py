@@ -1,0 +1,85 @@
+"""What requests may say: parameters of a key, and the body that submits a job. Anything else is refused."""
+
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
+
+MAX_PAGE = 1000
+Seed = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+Share = Annotated[float, Meta(gt=0.0, lt=1.0)]
+PageSize = Annotated[int, Meta(ge=1, le=MAX_PAGE)]
+Number = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+
+
+class _Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    pass
+
+
+class Nothing(_Request, frozen=True):
+    pass
+
+
+class Page(_Request, frozen=True):
+    after: Number = 0
+    limit: PageSize = 100
+
+
+class IterationsPage(_Request, frozen=True):
+    after: Annotated[int, Meta(ge=-1, le=2**63 - 1)] = -1
+    limit: PageSize = 100
+
+
+class WorkersPage(_Request, frozen=True):
+    after: Annotated[str, Meta(max_length=64)] = ""
+    limit: PageSize = 100
+
+
+class AskEstimate(_Request, frozen=True):
+    gamma: float | None = None
+    confidence: Share | None = None
+
+
+class AskCurve(_Request, frozen=True):
+    """gammas: thresholds, separated by commas; or `steps` ones at equal distances from low to high (default: from 0 to
+    twice the job's gamma)."""
+
+    gammas: Annotated[str, Meta(max_length=20_000)] | None = None
+    low: float | None = None
+    high: float | None = None
+    steps: Annotated[int, Meta(ge=2, le=MAX_PAGE)] = 50
+    confidence: Share | None = None
+
+
+class AskFailures(_Request, frozen=True):
+    """by: what ranks first; examine: dangerous rollouts at most to run again and group."""
+
+    limit: Annotated[int, Meta(ge=1, le=500)] = 20
+    by: Literal["likelihood", "weight", "f"] = "likelihood"
+    examine: Annotated[int, Meta(ge=1, le=10_000)] | None = None
+
+
+class AskRollout(_Request, frozen=True):
+    """iteration: of the batch stream that the row counts in (default: that of the estimate)."""
+
+    phase: Literal["estimate", "train"] = "estimate"
+    iteration: Number | None = None
+    trace: bool = False
+
+
+class Submission(_Request, frozen=True):
+    """A job to run. scenario: the name of a listed one, or a scenario by value (what its file says, as JSON); options:
+    of the method, beyond budget, rel_error and confidence."""
+
+    scenario: Annotated[str, Meta(min_length=1, max_length=64)] | dict[str, Any]
+    gamma: float
+    ego: Annotated[str, Meta(min_length=1, max_length=200)] = "lidar"
+    method: Literal["auto", "naive", "ce", "mixture", "splitting"] = "auto"
+    budget: Annotated[int, Meta(ge=1)] = 20_000
+    rel_error: Annotated[float, Meta(gt=0.0)] | None = None
+    confidence: Share = 0.95
+    options: dict[str, Any] = {}
+    seed: Seed = 1
+    priority: Annotated[int, Meta(ge=-100, le=100)] = 0
+    weight: Annotated[float, Meta(ge=0.01, le=100.0)] = 1.0
+    label: Annotated[str, Meta(max_length=200)] = ""

@@ -1,0 +1,63 @@
+"""Options of `tailroad serve` for its API: what clients may name and how much they may ask."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from functools import wraps
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from service.api.limits import Limits
+
+
+@dataclass(frozen=True)
+class ApiSettings:
+    """offered: scenario files that jobs may name; limits: NAME=VALUE."""
+
+    offered: tuple[str, ...]
+    limits: tuple[str, ...]
+
+    def read_limits(self) -> "Limits":
+        """The limits as given; click.BadParameter names one that cannot be."""
+        from service.api.limits import Limits
+
+        kinds: dict[str, type] = {name: type(value) for name, value in asdict(Limits()).items()}
+        found: dict[str, Any] = {}
+        for text in self.limits:
+            name, _, value = text.partition("=")
+            if name not in kinds:
+                raise click.BadParameter(f"{name!r}: there are {', '.join(kinds)}", param_hint="--limit")
+            try:
+                found[name] = kinds[name](value)
+            except ValueError as error:
+                wanted = "a whole number" if kinds[name] is int else "a number"
+                raise click.BadParameter(f"{text}: give {wanted}", param_hint="--limit") from error
+            if not 0 < found[name] < 1e15:
+                raise click.BadParameter(f"{text}: give a value above 0", param_hint="--limit")
+        return replace(Limits(), **found)
+
+
+def api_options() -> Callable:
+    """`--scenario` and `--limit`; the command is given `api`, an ApiSettings."""
+    options = [
+        click.option("--scenario", "offered", multiple=True, type=click.Path(exists=True, dir_okay=False),
+                     help="File of an own scenario that jobs may name; its road and weights must lie at the same path "
+                     "on every worker. Once for each."),
+        click.option("--limit", "limits", multiple=True, metavar="NAME=VALUE",
+                     help="How much clients may ask, as in open_jobs=50; see service/api/limits.py. Once for each."),
+    ]  # fmt: skip
+
+    def decorate(command: Callable) -> Callable:
+        @wraps(command)
+        def with_settings(
+            *args: Any, offered: tuple[str, ...], limits: tuple[str, ...], **others: Any
+        ) -> Any:
+            return command(*args, api=ApiSettings(offered, limits), **others)
+
+        wrapped: Callable = with_settings
+        for option in reversed(options):
+            wrapped = option(wrapped)
+        return wrapped
+
+    return decorate

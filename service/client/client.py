@@ -1,0 +1,191 @@
+"""The fleet's API as Python methods."""
+
+import time
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+from urllib.parse import quote
+
+import msgspec
+
+from service.api import objects as O
+from service.api.requests import Submission
+from service.client.errors import Refused
+from service.client.line import Line
+
+if TYPE_CHECKING:
+    from service.failures.objects import Failures
+
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+PREFIX = "tailroad/v1"
+PATIENCE_S = 600.0  # for an answer that is being computed
+PASSING = ("working", "busy", "too-many-requests")  # problems that pass: the same is asked again
+LOOK_S = 5.0  # between two looks at the record while no event comes
+
+T = TypeVar("T")
+
+
+class Client:
+    """A client of the service at one of the endpoints; a context manager. timeout_s: for an answer.
+
+    Methods raise Refused where the service refuses, NoAnswer where nobody answers in time.
+    """
+
+    def __init__(
+        self,
+        connect: str | Sequence[str] = DEFAULT_ENDPOINT,
+        zenoh_config: str | None = None,
+        timeout_s: float = 20.0,
+    ):
+        self._line = Line([connect] if isinstance(connect, str) else list(connect), zenoh_config, timeout_s)
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._line.close()
+
+    # -- jobs ------------------------------------------------------------------------------------------------
+
+    def submit(self, scenario: str | dict[str, Any], gamma: float, **others: Any) -> O.Job:
+        """Submit a job; others: as in `service.api.requests.Submission` (ego, method, budget, rel_error, ...).
+
+        scenario: the name of one that the service lists, or a scenario by value.
+        """
+        submission = Submission(scenario=scenario, gamma=gamma, **others)
+        return self._ask("jobs", O.Job, payload=msgspec.json.encode(submission))
+
+    def jobs(self, after: int = 0, limit: int = 100) -> O.Jobs:
+        """A page of jobs."""
+        return self._ask("jobs", O.Jobs, after=after, limit=limit)
+
+    def all_jobs(self) -> Iterator[O.Job]:
+        """Every job, in the order of submission."""
+        after: int | None = 0
+        while after is not None:
+            page = self.jobs(after, 500)
+            yield from page.items
+            after = page.next
+
+    def job(self, job: str) -> O.Job:
+        return self._ask(f"jobs/{quote(job, safe='')}", O.Job)
+
+    def estimate(self, job: str, gamma: float | None = None, confidence: float | None = None) -> O.Estimate:
+        """p from what is complete, at another threshold or confidence where given."""
+        return self._of(job, "estimate", O.Estimate, gamma=gamma, confidence=confidence)
+
+    def curve(
+        self, job: str, gammas: Sequence[float] | None = None, confidence: float | None = None
+    ) -> O.Curve:
+        """p at each threshold, from the same rollouts."""
+        listed = None if gammas is None else ",".join(repr(float(g)) for g in gammas)
+        return self._of(job, "curve", O.Curve, gammas=listed, confidence=confidence)
+
+    def iterations(self, job: str, after: int = -1, limit: int = 100) -> O.Iterations:
+        return self._of(job, "iterations", O.Iterations, after=after, limit=limit)
+
+    def events(self, job: str, after: int = 0, limit: int = 100) -> O.Events:
+        """The events that are kept."""
+        return self._of(job, "events", O.Events, after=after, limit=limit)
+
+    def failures(self, job: str, limit: int = 20, by: str = "likelihood") -> "Failures":
+        """The dangerous rollouts ranked and grouped; waits while the service runs them again."""
+        from service.failures.objects import Failures
+
+        return self._of(job, "failures", Failures, limit=limit, by=by)
+
+    def rollout(
+        self, job: str, row: int, phase: str = "estimate", iteration: int | None = None, trace: bool = False
+    ) -> O.RolloutView:
+        """One rollout, run once more."""
+        asked = {"phase": phase, "iteration": iteration, "trace": str(trace).lower()}
+        return self._of(job, f"rollouts/{row}", O.RolloutView, **asked)
+
+    def cancel(self, job: str) -> O.Done:
+        return self._of(job, "cancel", O.Done)
+
+    def pause(self, job: str) -> O.Done:
+        return self._of(job, "pause", O.Done)
+
+    def resume(self, job: str) -> O.Done:
+        return self._of(job, "resume", O.Done)
+
+    def watch(self, job: str, after: int = 0) -> Iterator[O.Event]:
+        """The job's events as they happen, kept ones first, until it is over. None is missed and none told twice; what
+        is not kept (number 0: progress, iteration) is told while somebody watches."""
+        key = f"{PREFIX}/jobs/{quote(job, safe='')}/events"
+        with self._line.subscribe(key) as live:
+            while True:
+                page = self.events(job, after)
+                over = False
+                for event in page.items:
+                    after, over = event.number, _over(event) or (over and event.kind != "status")
+                    yield event
+                if page.next is not None:
+                    continue
+                if over or (not page.items and self.job(job).status in O.OVER):
+                    return
+                while (body := live.get(LOOK_S)) is not None:
+                    event = msgspec.json.decode(body, type=O.Event)
+                    if event.number > after + 1:
+                        break  # one was missed: read the record
+                    if event.number in (0, after + 1):
+                        after = max(after, event.number)
+                        yield event
+                        if _over(event):
+                            return
+
+    def wait(self, job: str) -> O.Job:
+        """The job when it is over."""
+        for _ in self.watch(job):
+            pass
+        return self.job(job)
+
+    # -- the service -----------------------------------------------------------------------------------------
+
+    def scenarios(self) -> O.Scenarios:
+        return self._ask("scenarios", O.Scenarios)
+
+    def egos(self) -> O.Egos:
+        return self._ask("egos", O.Egos)
+
+    def workers(self, after: str = "", limit: int = 1000) -> O.Workers:
+        return self._ask("workers", O.Workers, after=after or None, limit=limit)
+
+    def health(self) -> O.Health:
+        return self._ask("health", O.Health)
+
+    def about(self) -> O.About:
+        return self._ask("about", O.About)
+
+    def get(self, selector: str, payload: bytes | None = None) -> bytes:
+        """The JSON at any key below tailroad/v1/, with its parameters, as in jobs/ID/estimate?gamma=0.14."""
+        return self._wait(f"{PREFIX}/{selector.removeprefix(PREFIX + '/')}", payload)
+
+    # -- inside ----------------------------------------------------------------------------------------------
+
+    def _of(self, job: str, what: str, kind: type[T], **parameters: Any) -> T:
+        return self._ask(f"jobs/{quote(job, safe='')}/{what}", kind, **parameters)
+
+    def _ask(self, key: str, kind: type[T], payload: bytes | None = None, **parameters: Any) -> T:
+        text = ";".join(f"{k}={quote(str(v), safe=',')}" for k, v in parameters.items() if v is not None)
+        selector = f"{PREFIX}/{key}" + (f"?{text}" if text else "")
+        return msgspec.json.decode(self._wait(selector, payload), type=kind)
+
+    def _wait(self, selector: str, payload: bytes | None) -> bytes:
+        """The answer; where it is being computed, when it is there."""
+        until = time.monotonic() + PATIENCE_S
+        while True:
+            ok, body = self._line.ask(selector, payload)
+            if ok:
+                return body
+            refused = Refused(msgspec.json.decode(body, type=O.Problem))
+            if refused.kind not in PASSING or time.monotonic() > until:
+                raise refused
+            time.sleep(refused.problem.retry_after_s or 1.0)
+
+
+def _over(event: O.Event) -> bool:
+    return event.kind == "status" and event.body.get("status") in O.OVER
