@@ -148,7 +148,8 @@ def _said(
         )
     return (
         f"{what}: about {say(rate)} times per million km ({sure} interval {say(low)} to {say(high)}), or once in "
-        f"{say(MILLION / rate)} km ({say(between_ci[0])} to {say(between_ci[1])}). That is {say(least)} to {say(most)} times {against}."
+        f"{say(MILLION / rate)} km ({say(between_ci[0])} to {say(between_ci[1])}). "
+        f"That is {say(least)} to {say(most)} times {against}."
     )
 
 

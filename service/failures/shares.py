@@ -15,8 +15,7 @@ def share_interval(
 
     The share is the ratio estimator sum w 1{member} / sum w. Its interval is Korn and Graubard's (Survey Methodology
     24, 1998): Clopper and Pearson's with the effective number of events, share (1 - share) / variance with the
-    linearised variance of the ratio; exact for equal weights. Where all or none are members, the effective number is
-    Kish's. worth: at most so many independent events, where they are worth fewer than their weights say.
+    linearised variance of the ratio, and never more than Kish's number; exact for equal weights. worth: at most so many independent events, where they are worth fewer than their weights say.
     """
     if not weight.size:
         return 0.0, 0.0, 1.0
@@ -25,7 +24,7 @@ def share_interval(
     variance = float(np.sum((w * (member - share)) ** 2))
     kish = 1.0 / float(np.sum(w**2))
     inside = variance > 0.0 and 0.0 < share < 1.0
-    n = min(share * (1.0 - share) / variance if inside else kish, float(weight.size))
+    n = min(share * (1.0 - share) / variance if inside else kish, kish)
     if worth is not None:
         n = min(n, max(worth, 1.0))
     tail, k = 0.5 * (1.0 - confidence), share * n
