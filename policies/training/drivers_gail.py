@@ -75,7 +75,7 @@ class Arguments:
     ridge: float = 3e-3  # pulls members to the common head where the data leave weights open
     member_rows: int = 40_000  # rows each resample is drawn from
     spread: str = "whitened"  # estimator of Sigma0 (policies.training.head_spread)
-    check_rollouts: int = 1000  # for the metrics on the whole road
+    check_rollouts: int = 400  # for the metrics on the whole road
     threads: int = 1
 
 
@@ -223,7 +223,7 @@ def how_they_drive(
     network: Network, members, estimates: dict[str, Spread], road, seed: int, progress
 ) -> dict:
     """Members and drivers drawn from each estimate on the whole road: the same starts and noise for all."""
-    rollouts = 200
+    rollouts = 60
 
     def of(rng, pick) -> dict:
         task = progress.add_task("estimators", total=rollouts)

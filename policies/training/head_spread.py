@@ -1,7 +1,7 @@
 """Sigma0 by three estimators, compared by the likelihood of left-out members; see policies.training.graphical_lasso.
 
 weights   graphical lasso on the members' weights, each divided by its standard deviation.
-whitened  graphical lasso in coordinates in which the covariance that resampling is expected to give
+whitened  the same in coordinates in which the covariance that resampling is expected to give
           (policies.training.ensemble.sampling_covariances) is the identity. Weights whose effects cancel keep doing so.
 factors   that expected covariance with the members' own shrunk towards it (policies.training.ensemble).
 
@@ -17,7 +17,7 @@ from policies import layout as O
 from policies.training.ensemble import FLOOR_SD, HeadDistribution, head_distribution
 from policies.training.graphical_lasso import cross_validated, graphical_lasso
 
-PENALTIES = (0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8)
+PENALTIES = (0.3, 0.45, 0.6, 0.8)
 
 
 @dataclass(frozen=True)
@@ -59,13 +59,15 @@ def expected_covariance(members: np.ndarray, shapes: list[np.ndarray]) -> np.nda
 def _lasso(members: np.ndarray, root: np.ndarray) -> Spread:
     mean = members.mean(axis=0)
     z = np.linalg.solve(root, (members - mean).T).T
-    scale = np.sqrt(np.mean(z**2))
-    z = z / scale
-    log_det = np.linalg.slogdet(root * scale)[1]
-    scores = {p: s - log_det for p, s in cross_validated(z, PENALTIES).items()}
+    inverse = np.linalg.inv(root)
+    least = FLOOR_SD**2 * inverse @ inverse.T  # weights of units that are off everywhere do not vary at all
+    scale = np.sqrt(z.var(axis=0, ddof=1) + np.diag(least))
+    z, root, least = z / scale, root * scale, least / np.outer(scale, scale)
+    log_det = np.linalg.slogdet(root)[1]
+    scores = {p: s - log_det for p, s in cross_validated(z, PENALTIES, least).items()}
     best = max(scores, key=lambda p: scores[p])
-    found = graphical_lasso(z.T @ z / (len(z) - 1), best)
-    covariance = (root * scale) @ found.covariance @ (root * scale).T
+    found = graphical_lasso(z.T @ z / (len(z) - 1) + least, best)
+    covariance = root @ found.covariance @ root.T
     covariance = 0.5 * (covariance + covariance.T)
     nonzero = float((np.abs(found.precision) > 0.0).mean())
     report = {
