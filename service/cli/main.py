@@ -17,6 +17,7 @@ COMMANDS = {
     "report": "service.cli.report",
     "schema": "service.cli.schema",
     "scenario": "service.cli.scenario",
+    "scene": "service.cli.scene",
     "nets": "service.cli.nets",
     "train": "service.cli.train",
     "data": "service.cli.data",
@@ -32,6 +33,7 @@ COMMANDS = {
     "cancel": "service.cli.orders:cancel",
     "pause": "service.cli.orders:pause",
     "resume": "service.cli.orders:resume",
+    "batch": "service.cli.batch",
     "get": "service.cli.get",
     "health": "service.cli.health",
 }
