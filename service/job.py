@@ -100,10 +100,10 @@ class Problem:
         digest = hashlib.sha256(f"{self.job.method}/{self.job.seed}".encode()).digest()
         return int.from_bytes(digest[:8], "little")
 
-    def simulator(self, fcd: Path | None = None) -> Simulator:
+    def simulator(self, fcd: Path | None = None, gui: bool = False) -> Simulator:
         """A simulator of this job's rollouts, for this process."""
         ego = open_ego(self.job.ego, self.job.scenario, self.corridor)
-        return Simulator(self.job.scenario, self.corridor, self.drivers, ego, fcd=fcd)
+        return Simulator(self.job.scenario, self.corridor, self.drivers, ego, fcd=fcd, gui=gui)
 
 
 def _options(method: str, options: dict[str, Any]) -> Any:

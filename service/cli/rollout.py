@@ -27,9 +27,15 @@ FILE = click.Path(dir_okay=False, path_type=Path)
 @ego_option()
 @measure_option()
 @seed_option()
-@click.option("--video", type=FILE, help="Top-down film (.mp4).")
+@click.option("--video", type=FILE, help="Film: from above and from the ego's camera (.mp4).")
+@click.option(
+    "--frames", type=click.Path(file_okay=False, path_type=Path), help="The film's pictures, into a folder."
+)
 @click.option("--trace", "table", type=FILE, help="Every vehicle at every step (.parquet).")
 @click.option("--fcd", type=FILE, help="SUMO's floating-car data (.xml).")
+@click.option(
+    "--sumo-gui", is_flag=True, help="Show it in SUMO's own GUI, at real time, where one is installed."
+)
 @json_option()
 def command(
     scenario: str,
@@ -37,12 +43,14 @@ def command(
     measure: str | None,
     seed: int,
     video: Path | None,
+    frames: Path | None,
     table: Path | None,
     fcd: Path | None,
+    sumo_gui: bool,
     as_json: bool,
 ) -> None:
     """Run one rollout drawn from the base distribution of SCENARIO, or the one that its file holds ([fixed])."""
-    for path, what in ((video, "--video"), (table, "--trace"), (fcd, "--fcd")):
+    for path, what in ((video, "--video"), (frames, "--frames"), (table, "--trace"), (fcd, "--fcd")):
         require_folder(path, what)
     loaded = load_scenario(scenario)
     if measure is not None:
@@ -57,7 +65,7 @@ def command(
         x, noise = drawn[0], int(seeds[0])
     else:
         x, noise = fixed_draw(problem.base, fixed, problem.job.weights_sha256, scenario)
-    with problem.simulator(fcd=fcd) as simulator:
+    with problem.simulator(fcd=fcd, gui=sumo_gui) as simulator:
         trace = record(problem, simulator, x, noise)
     result = trace.rollout
     if result.error is not None:
@@ -66,10 +74,15 @@ def command(
         )
     if table is not None:
         write_table(trace, table)
-    if video is not None:
-        from service.video import write_video
+    if video is not None or frames is not None:
+        from service.video import EgoView, write_frames, write_video
 
-        write_video(trace, problem.corridor, video, title=f"{scenario}, ego {ego}, seed {seed}")
+        view = EgoView(problem.job.scenario, problem.corridor, x, noise)
+        title = f"{scenario}, ego {ego}, seed {seed}"
+        if video is not None:
+            write_video(trace, problem.corridor, video, title, view)
+        if frames is not None:
+            write_frames(trace, problem.corridor, frames, title, view)
     kind = measure_kind(loaded.safety.measure)
     summary = {
         "scenario": scenario,
@@ -99,7 +112,7 @@ def command(
             if summary["same_to_the_bit"]
             else f"On record: {fixed.f!r}."
         )
-    for path in (video, table, fcd):
+    for path in (video, frames, table, fcd):
         if path is not None:
             click.echo(path)
 

@@ -57,6 +57,7 @@ class Simulator:
         drivers: DriverModel,
         ego: EgoPolicy,
         fcd: Path | None = None,
+        gui: bool = False,
     ):
         self._scenario = scenario
         self._ego = ego
@@ -97,6 +98,7 @@ class Simulator:
                 scenario.time.horizon_s,
             ),
             fcd=fcd,
+            gui=scenario.vehicles[scenario.ego].name if gui else None,
         )
 
     def __enter__(self) -> "Simulator":

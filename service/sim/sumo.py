@@ -10,15 +10,19 @@ libsumo holds one simulation a process; a second `SumoSession` in a process is r
 import contextlib
 import math
 import os
+import shutil
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 # SUMO looks for its data folder; ours never needs it, and an unset variable costs a warning.
 os.environ.setdefault("SUMO_HOME", str(Path(__file__).parent))
 
 import libsumo
 import numpy as np
+import traci
 from libsumo import constants as tc
 
 from policies.exactmath import sincos
@@ -31,6 +35,8 @@ MATCH_WITHIN_M = 10.0  # lanes further from a vehicle than this are not looked a
 UNCHECKED = 0  # speed and lane-change modes: SUMO adds no rules of its own to controlled vehicles
 CONTROLLED_CLASS = "hov"  # may use every lane
 ROUTE = "corridor"
+GUI_VIEW = "View #0"
+GUI_ZOOM = 8000.0  # percent
 RARELY_S = 100.0  # SUMO plans a controlled vehicle's own motion this seldom: nobody uses that plan
 
 SUBSCRIBED = (tc.VAR_POSITION, tc.VAR_ANGLE, tc.VAR_SPEED, tc.VAR_LENGTH, tc.VAR_WIDTH)
@@ -65,8 +71,10 @@ class SumoSession:
         step_s: float,
         background: BackgroundTraffic | None = None,
         fcd: Path | None = None,
+        gui: str | None = None,
     ):
-        """names, sizes: each controlled vehicle's id and (length, width) in m. fcd: floating-car data file."""
+        """names, sizes: each controlled vehicle's id and (length, width) in m. fcd: floating-car data file. gui: the
+        vehicle that SUMO's own GUI follows, in a window and at real time; SimulationError where there is none."""
         if SumoSession._open is not None:
             raise SimulationError("this process already runs a SUMO simulation; close it first")
         self._corridor = corridor
@@ -81,10 +89,15 @@ class SumoSession:
         ]  # fmt: skip
         if fcd is not None:
             self._options += ["--fcd-output", str(fcd)]
+        self._followed = gui
         self._moves: list[tuple[int, str]] = []
         self._hints = _lane_hints(corridor)
+        self._sumo: Any = libsumo
         try:
-            libsumo.start(self._options)
+            if gui is None:
+                libsumo.start(self._options)
+            else:
+                self._sumo = _start_gui(self._options)
         except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
             raise SimulationError(f"SUMO cannot load {corridor.net_path}: {error}") from error
         SumoSession._open = self
@@ -99,21 +112,21 @@ class SumoSession:
     def close(self) -> None:
         if SumoSession._open is self:
             SumoSession._open = None
-            libsumo.close()
+            self._sumo.close()
 
     def _prepare(self) -> None:
         """Route and vehicle types, which a load forgets."""
-        libsumo.route.add(ROUTE, list(self._corridor.edges))
+        self._sumo.route.add(ROUTE, list(self._corridor.edges))
         for name, (length, width) in zip(self._types, self._sizes, strict=True):
-            libsumo.vehicletype.copy("DEFAULT_VEHTYPE", name)
-            libsumo.vehicletype.setVehicleClass(name, CONTROLLED_CLASS)
-            libsumo.vehicletype.setLength(name, length)
-            libsumo.vehicletype.setWidth(name, width)
-            libsumo.vehicletype.setActionStepLength(name, RARELY_S)
+            self._sumo.vehicletype.copy("DEFAULT_VEHTYPE", name)
+            self._sumo.vehicletype.setVehicleClass(name, CONTROLLED_CLASS)
+            self._sumo.vehicletype.setLength(name, length)
+            self._sumo.vehicletype.setWidth(name, width)
+            self._sumo.vehicletype.setActionStepLength(name, RARELY_S)
         if self._background is not None:
-            libsumo.vehicletype.copy("DEFAULT_VEHTYPE", BACKGROUND_TYPE)
-            libsumo.vehicletype.setVehicleClass(BACKGROUND_TYPE, BACKGROUND_CLASS)
-            libsumo.vehicletype.setMaxSpeed(BACKGROUND_TYPE, self._background.speed_mps)
+            self._sumo.vehicletype.copy("DEFAULT_VEHTYPE", BACKGROUND_TYPE)
+            self._sumo.vehicletype.setVehicleClass(BACKGROUND_TYPE, BACKGROUND_CLASS)
+            self._sumo.vehicletype.setMaxSpeed(BACKGROUND_TYPE, self._background.speed_mps)
 
     def begin(self, poses: np.ndarray, seed: int) -> None:
         """Start a rollout with all controlled vehicles at `poses` (see service.sim.step.advance_all).
@@ -122,25 +135,30 @@ class SumoSession:
         and only the vehicles are replaced.
         """
         if self._background is not None:
-            libsumo.load([*self._options[1:], "--seed", str(seed % 2**31)])
+            self._sumo.load([*self._options[1:], "--seed", str(seed % 2**31)])
             self._prepare()
         else:
             for _, name in self._moves:
-                with contextlib.suppress(libsumo.TraCIException):  # SUMO let it arrive by itself
-                    libsumo.vehicle.remove(name)
+                with contextlib.suppress(
+                    libsumo.TraCIException, traci.TraCIException
+                ):  # SUMO let it arrive by itself
+                    self._sumo.vehicle.remove(name)
         self._moves = []
         for row, (name, kind) in enumerate(zip(self._names, self._types, strict=True)):
-            libsumo.vehicle.add(name, ROUTE, typeID=kind, departSpeed="0")
-            libsumo.vehicle.setSpeedMode(name, UNCHECKED)
-            libsumo.vehicle.setLaneChangeMode(name, UNCHECKED)
+            self._sumo.vehicle.add(name, ROUTE, typeID=kind, departSpeed="0")
+            self._sumo.vehicle.setSpeedMode(name, UNCHECKED)
+            self._sumo.vehicle.setLaneChangeMode(name, UNCHECKED)
             self._moves.append((row, name))
         if self._background is not None:
             self._populate(np.random.Generator(np.random.Philox(key=seed)))
         self.step(poses)
+        if self._followed is not None:
+            self._sumo.gui.trackVehicle(GUI_VIEW, self._followed)
+            self._sumo.gui.setZoom(GUI_VIEW, GUI_ZOOM)
 
     def step(self, poses: np.ndarray) -> None:
         """Place the controlled vehicles at `poses` (vehicles, 4) and advance SUMO by one step."""
-        move = libsumo.vehicle.moveToXY
+        move = self._sumo.vehicle.moveToXY
         hints = self._hints
         rows = poses.tolist()
         gone = False
@@ -153,23 +171,23 @@ class SumoSession:
             move(name, edge, lane, x, y, angle, EXACT, MATCH_WITHIN_M)
         if gone:
             self._remove_gone(rows)
-        libsumo.simulationStep()
+        self._sumo.simulationStep()
 
     def _remove_gone(self, rows: list[list[float]]) -> None:
         """Take vehicles that have left the world out of SUMO; SUMO may have let them arrive already."""
-        known = set(libsumo.vehicle.getIDList())
+        known = set(self._sumo.vehicle.getIDList())
         for row, name in self._moves:
             if rows[row][3] < 0.0 and name in known:
-                libsumo.vehicle.remove(name)
+                self._sumo.vehicle.remove(name)
         self._moves = [(row, name) for row, name in self._moves if rows[row][3] >= 0.0]
 
     def read_background(self, agents: np.ndarray, first: int) -> int:
         """Write the background vehicles into `agents` from row `first`; return the number of rows in use."""
         controlled = set(self._names)
-        for name in libsumo.simulation.getDepartedIDList():
+        for name in self._sumo.simulation.getDepartedIDList():
             if name not in controlled:
-                libsumo.vehicle.subscribe(name, SUBSCRIBED)
-        seen = libsumo.vehicle.getAllSubscriptionResults()
+                self._sumo.vehicle.subscribe(name, SUBSCRIBED)
+        seen = self._sumo.vehicle.getAllSubscriptionResults()
         row = first
         for name in sorted(seen):
             if row == agents.shape[0]:
@@ -201,7 +219,7 @@ class SumoSession:
             exists = np.flatnonzero(corridor.sumo_lane[lane] >= 0)
             if exists.size < corridor.sumo_lane.shape[1]:
                 continue  # ramps and auxiliary lanes stay empty
-            allowed = libsumo.lane.getAllowed(_lane_id(corridor, lane, 0))  # empty: everybody
+            allowed = self._sumo.lane.getAllowed(_lane_id(corridor, lane, 0))  # empty: everybody
             if allowed and BACKGROUND_CLASS not in allowed:
                 continue  # a restricted lane (HOV)
             mean_gap = max(1000.0 / traffic.density_veh_per_km_lane - MINIMUM_SPACING_M, 1.0)
@@ -222,21 +240,43 @@ class SumoSession:
         edge, sumo_lane = self._corridor.sumo_position(lane, max(station_m, 0.0))
         if station_m < 10.0:
             depart = f"{(10.0 - station_m) / speed:.3f}"
-            libsumo.vehicle.add(name, ROUTE, typeID=BACKGROUND_TYPE, depart=depart, departLane=str(sumo_lane),
+            self._sumo.vehicle.add(name, ROUTE, typeID=BACKGROUND_TYPE, depart=depart, departLane=str(sumo_lane),
                                 departPos="10", departSpeed="max")  # fmt: skip
             return
-        position = libsumo.simulation.convert2D(edge, 0.0, sumo_lane)
+        position = self._sumo.simulation.convert2D(edge, 0.0, sumo_lane)
         start, _ = self._corridor.project(np.array([position[0]]), np.array([position[1]]))
         within = station_m - float(start[0])
         index = self._corridor.edges.index(edge)
         route = f"{ROUTE}-from-{index}"
-        if route not in libsumo.route.getIDList():
-            libsumo.route.add(route, list(self._corridor.edges[index:]))
-        length = libsumo.lane.getLength(f"{edge}_{sumo_lane}")
+        if route not in self._sumo.route.getIDList():
+            self._sumo.route.add(route, list(self._corridor.edges[index:]))
+        length = self._sumo.lane.getLength(f"{edge}_{sumo_lane}")
         if not 6.0 < within < length - 1.0:
             return  # too close to a junction to stand there
-        libsumo.vehicle.add(name, route, typeID=BACKGROUND_TYPE, departLane=str(sumo_lane),
+        self._sumo.vehicle.add(name, route, typeID=BACKGROUND_TYPE, departLane=str(sumo_lane),
                             departPos=f"{within:.2f}", departSpeed="max")  # fmt: skip
+
+
+def _start_gui(options: list[str]) -> Any:
+    """SUMO's GUI in a process of its own, stepped through TraCI at real time."""
+    beside = Path(sys.executable).parent / "sumo-gui"
+    program = shutil.which("sumo-gui") or (str(beside) if beside.exists() else None)
+    if program is None:
+        raise SimulationError(
+            "there is no sumo-gui; install SUMO, or eclipse-sumo from the Python package index"
+        )
+    if not os.environ.get("DISPLAY") and not os.environ.get("WAYLAND_DISPLAY"):
+        raise SimulationError(
+            "SUMO's GUI needs a screen, and DISPLAY names none; use --video or --frames here"
+        )
+    step_ms = round(1000.0 * float(options[options.index("--step-length") + 1]))
+    try:
+        traci.start(
+            [program, *options[1:], "--start", "--quit-on-end", "--delay", str(step_ms)], numRetries=60
+        )
+    except (traci.TraCIException, traci.FatalTraCIError, OSError) as error:
+        raise SimulationError(f"SUMO's GUI does not start: {error}") from error
+    return traci
 
 
 def _lane_id(corridor: Corridor, lane: int, station: int) -> str:
