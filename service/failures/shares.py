@@ -15,7 +15,8 @@ def share_interval(
 
     The share is the ratio estimator sum w 1{member} / sum w. Its interval is Korn and Graubard's (Survey Methodology
     24, 1998): Clopper and Pearson's with the effective number of events, share (1 - share) / variance with the
-    linearised variance of the ratio, and never more than Kish's number; exact for equal weights. worth: at most so many independent events, where they are worth fewer than their weights say.
+    linearised variance of the ratio, and never more than Kish's number; exact for equal weights. worth: at most so many
+    independent events, where they are worth fewer than their weights say.
     """
     if not weight.size:
         return 0.0, 0.0, 1.0
