@@ -89,8 +89,8 @@ def drivers(weights_file: Path) -> DriverModel:
 def scenario_text(weights_file: Path) -> str:
     """The text of `i80-10s` with the test's drivers."""
     text = (loading.FOLDER / "i80-10s.toml").read_text(encoding="utf-8")
-    assert text.count('weights = "drivers-bc"') == 1
-    return text.replace('weights = "drivers-bc"', f'weights = "{weights_file}"')
+    assert text.count('weights = "drivers-gail"') == 1
+    return text.replace('weights = "drivers-gail"', f'weights = "{weights_file}"')
 
 
 @pytest.fixture(scope="session")

@@ -50,7 +50,7 @@ class Time(_Table, frozen=True):
 
 
 class Drivers(_Table, frozen=True):
-    weights: str = "drivers-bc"  # built-in weights, or the path of a .safetensors file
+    weights: str = "drivers-gail"  # built-in weights, or the path of a .safetensors file
     noise: Literal["drawn", "frozen"] = "drawn"  # a stream for each rollout, or one stream for all
 
 

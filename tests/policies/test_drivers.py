@@ -43,7 +43,7 @@ def test_what_is_saved_is_loaded(tmp_path):
         model.w1[0, 0] = 1.0
 
 
-@pytest.mark.parametrize("name", ["drivers-bc", "ego-lidar"])
+@pytest.mark.parametrize("name", ["drivers-gail", "drivers-bc", "ego-lidar"])
 def test_shipped_weights_load_and_their_card_is_complete(name):
     assert name in shipped()
     model = load_drivers(name)
@@ -60,8 +60,9 @@ def test_shipped_weights_load_and_their_card_is_complete(name):
     assert "/home" not in text
 
 
-def test_sigma0_of_the_drivers_is_symmetric_positive_definite():
-    model = load_drivers("drivers-bc")
+@pytest.mark.parametrize("name", ["drivers-gail", "drivers-bc"])
+def test_sigma0_of_the_drivers_is_symmetric_positive_definite(name):
+    model = load_drivers(name)
     assert np.array_equal(model.sigma0, model.sigma0.T)
     eigenvalues = np.linalg.eigvalsh(model.sigma0)
     assert eigenvalues[0] > 0.0
@@ -85,7 +86,7 @@ def free_road(speed: float, offset: float, heading: float = 0.0) -> np.ndarray:
     return seen
 
 
-@pytest.mark.parametrize("name", ["drivers-bc", "ego-lidar"])
+@pytest.mark.parametrize("name", ["drivers-gail", "drivers-bc", "ego-lidar"])
 def test_shipped_networks_steer_back_and_brake(name):
     model = load_drivers(name)
     outputs = np.zeros(4, np.float32)
@@ -100,6 +101,24 @@ def test_shipped_networks_steer_back_and_brake(name):
     behind[O.RANGE_M], behind[O.RANGE_RATE_MPS] = 15.0, -5.0
     assert act(behind)[0] < -0.5
     assert act(behind)[0] < act(free_road(15.0, 0.0))[0]
+
+
+def test_the_drivers_go_on_into_a_clear_lane_only():
+    """Moving left at 0.9 m/s, 0.9 m left of the lane's middle: next to a clear lane, a taken one, and the edge."""
+    model = load_drivers("drivers-gail")
+    outputs = np.zeros(4, np.float32)
+
+    def turn(seen):
+        forward(seen, model.w1, model.b1, model.w2, model.b2, model.mu0.astype(np.float32), outputs)
+        return outputs[1] * model.action_scale[1]
+
+    edge = free_road(15.0, 0.9, 0.06)
+    clear, taken = edge.copy(), edge.copy()
+    clear[O.LANE_TO_THE_LEFT : O.LANE_TO_THE_RIGHT + 1] = 1.0
+    taken[O.LANE_TO_THE_LEFT : O.LANE_TO_THE_RIGHT + 1] = 1.0
+    taken[O.RANGE_M + 3 : O.RANGE_M + 8] = [2.30, 1.96, 1.86, 1.96, 2.30]
+    assert turn(clear) > turn(taken) + 0.01
+    assert turn(clear) > turn(edge) + 0.02
 
 
 def test_an_unknown_name_lists_what_there_is():
