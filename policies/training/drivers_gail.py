@@ -170,7 +170,6 @@ def main() -> None:
         "metrics": measured,
         "limits": LIMITS,
         "versions": versions(),
-        "training_s": round(time.time() - began),
     }
     arrays = {
         "w1": network.w1, "b1": network.b1, "w2": network.w2, "b2": network.b2,

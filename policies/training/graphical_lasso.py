@@ -49,7 +49,7 @@ def graphical_lasso(
                     break
             step *= SHRINK
         curvature = float(np.sum(change * (covariance - found[0])))
-        converged = np.sqrt(size) / step < wanted
+        converged = bool(np.sqrt(size) / step < wanted)
         precision, covariance, value = new, found[0], new_value
         step = min(max(size / curvature if curvature > 0.0 else step, 1e-4), 1e4)  # Barzilai and Borwein's
     return Fitted(precision, covariance, iteration, converged)

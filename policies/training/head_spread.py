@@ -38,8 +38,8 @@ def spreads(members: np.ndarray, shapes: list[np.ndarray]) -> dict[str, Spread]:
     factors, scores = head_distribution(members, shapes)
     log_det = np.log(np.diag(root)).sum()
     return {
-        "weights": _lasso(members, floor),
-        "whitened": _lasso(members, root),
+        "weights": lasso_spread(members, floor),
+        "whitened": lasso_spread(members, root),
         "factors": Spread(factors, {a: s - log_det for a, s in scores.items()}, {}),
     }
 
@@ -56,7 +56,8 @@ def expected_covariance(members: np.ndarray, shapes: list[np.ndarray]) -> np.nda
     return target
 
 
-def _lasso(members: np.ndarray, root: np.ndarray) -> Spread:
+def lasso_spread(members: np.ndarray, root: np.ndarray) -> Spread:
+    """The graphical lasso of members (m, d) in coordinates root^-1 (members - mean), scaled to variance 1."""
     mean = members.mean(axis=0)
     z = np.linalg.solve(root, (members - mean).T).T
     inverse = np.linalg.inv(root)

@@ -2,7 +2,7 @@
 
     python -m policies.training.sumo_check --scenario i80 --ego lidar --rollouts 300 --seed 1
 
-A rollout ends with the ego; a slower vehicle has not reached the road's end then and counts as on the road. Prints JSON.
+A rollout ends with the ego; a slower vehicle has not reached the road's end then and counts as on the road.
 """
 
 import argparse

@@ -8,6 +8,7 @@ from policies import layout as O
 from policies.data.scenes import Scene, straight_lanes
 from policies.training.adversary import GailSettings, Rows, train_adversarially
 from policies.training.demonstrations import recorded_rows
+from policies.training.ensemble import FLOOR_SD
 from policies.training.gail import (
     Discriminator,
     discriminator_loss,
@@ -17,6 +18,7 @@ from policies.training.gail import (
     trajectory_loss,
 )
 from policies.training.graphical_lasso import cross_validated, graphical_lasso
+from policies.training.head_spread import lasso_spread
 from policies.training.network import DriverNet, input_statistics
 from policies.training.windows import DRIVEN, Windows
 from policies.training.world import i80_road
@@ -223,3 +225,18 @@ def test_graphical_lasso_with_fewer_members_than_weights_is_positive_definite():
     assert max(scores, key=lambda p: scores[p]) != 5.0  # the common factors are found
     found = graphical_lasso(np.cov(z.T), 0.3)
     assert np.linalg.eigvalsh(found.covariance)[0] > 0.0
+
+
+def test_the_lasso_of_members_is_positive_definite_and_keeps_their_spread():
+    """Members of 40 weights, ten of which never vary; correlated by two factors."""
+    rng = np.random.default_rng(7)
+    members = np.zeros((20, 40))
+    members[:, :30] = 0.05 * (rng.normal(size=(20, 2)) @ rng.normal(size=(2, 30)) + rng.normal(size=(20, 30)))
+    members += rng.normal(size=40)
+    found = lasso_spread(members, np.eye(40))
+    covariance = found.distribution.covariance
+    assert np.allclose(found.distribution.mean, members.mean(axis=0))
+    assert np.linalg.eigvalsh(covariance)[0] > 0.0
+    assert np.allclose(np.diag(covariance), members.var(axis=0, ddof=1) + FLOOR_SD**2, rtol=0.02)
+    assert all(np.isfinite(score) for score in found.scores.values())
+    assert found.report["converged"]
