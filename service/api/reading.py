@@ -12,6 +12,8 @@ from service.api.problems import ApiError, Wrong, short
 
 MAX_PARAMETERS = 32
 MAX_TEXT = 32_000  # characters of all parameters together
+WORDS = {"int": "a whole number", "float": "a number", "str": "text", "bool": "true or false", "array": "a list",
+         "object": "an object"}  # for msgspec's names of kinds  # fmt: skip
 T = TypeVar("T", bound=msgspec.Struct)
 
 
@@ -79,7 +81,9 @@ def _complaint(
         wrong = Wrong(missing[1], "", "must be given")
         return ApiError(problem, f"{missing[1]!r} is missing", (wrong,))
     value = short(repr(given[path])) if given and path in given else ""
-    expected = what[:1].lower() + what[1:].replace("`", "")
+    expected = re.sub(
+        r"\w+", lambda word: WORDS.get(word[0], word[0]), what[:1].lower() + what[1:].replace("`", "")
+    )
     where = f"{short(path)}" if path else "the body"
     shown = f" is {value}" if value else ""
     return ApiError(

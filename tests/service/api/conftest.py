@@ -1,0 +1,94 @@
+"""A fleet with its API in this process, and light workers in place of SUMO."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from service.api.limits import Limits
+from service.api.server import Api
+from service.client import Client
+from service.fleet.policy import Policy
+from tests.service.fleet.light import LightFleet, LightWorker, light_fleet
+
+LIMITS = Limits(requests_per_s=1e6, submissions_per_s=1e6)
+ANSWER_S = 60.0
+
+
+class Foreign:
+    """A client that knows Zenoh, JSON and the key space, and no tailroad code."""
+
+    def __init__(self, port: int):
+        config = zenoh.Config()
+        config.insert_json5("mode", '"client"')
+        config.insert_json5("connect/endpoints", f'["tcp/127.0.0.1:{port}"]')
+        config.insert_json5("scouting/multicast/enabled", "false")
+        self.session = zenoh.open(config)
+
+    def ask(self, selector: str, body: object = None) -> tuple[bool, dict]:
+        """Whether it is an answer and not a problem, and what it says."""
+        payload = body if body is None or isinstance(body, bytes) else json.dumps(body).encode()
+        (reply,) = self.session.get(f"tailroad/v1/{selector}", payload=payload, timeout=ANSWER_S)
+        told = reply.ok if reply.ok is not None else reply.err
+        assert str(told.encoding) == "application/json"
+        return reply.ok is not None, json.loads(told.payload.to_bytes())
+
+    def get(self, selector: str, body: object = None) -> dict:
+        ok, answer = self.ask(selector, body)
+        assert ok, answer
+        return answer
+
+    def problem(self, selector: str, body: object = None) -> dict:
+        ok, answer = self.ask(selector, body)
+        assert not ok, answer
+        assert {"type", "title", "status", "detail"} <= set(answer)
+        return answer
+
+    def close(self) -> None:
+        self.session.close()
+
+
+@dataclass
+class Service:
+    light: LightFleet
+    api: Api
+    port: int
+
+    def worker(self, name: str = "w1") -> LightWorker:
+        return LightWorker(self.port, name)
+
+
+def open_service(folder: Path, limits: Limits = LIMITS, offered: tuple[str, ...] = ()) -> Iterator[Service]:
+    with light_fleet(folder, Policy(audit_share=0.0, progress_s=0.05, hold_s=0.5)) as light:
+        api = Api(light._session, light.fleet, offered, limits)
+        try:
+            yield Service(light, api, light.port)
+        finally:
+            api.close()
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """A service with one light worker."""
+    for opened in open_service(tmp_path_factory.mktemp("service")):
+        worker = opened.worker()
+        yield opened
+        worker.stop()
+
+
+@pytest.fixture(scope="module")
+def foreign(service: Service) -> Iterator[Foreign]:
+    client = Foreign(service.port)
+    yield client
+    client.close()
+
+
+@pytest.fixture(scope="module")
+def client(service: Service) -> Iterator[Client]:
+    with Client(f"tcp/127.0.0.1:{service.port}", timeout_s=ANSWER_S) as opened:
+        yield opened
