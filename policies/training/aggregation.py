@@ -83,8 +83,8 @@ def visited_among(
     rollouts: int,
     rng: np.random.Generator,
     *,
-    seconds: float = 20.0,
-    every: int = 3,
+    seconds: float = 12.0,
+    every: int = 2,
 ) -> Rows:
     """States of an ego in the third lane among drivers drawn by `draw`; half of the egos' heads are moved a little."""
     parts, numbers = [], []
@@ -93,7 +93,8 @@ def visited_among(
         head = ego.head
         if rng.random() < 0.5:
             head = head + rng.normal(0.0, HEAD_NOISE_SD, head.shape).astype(np.float32)
-        agents, noise = standard_starts(rng, road), rng.standard_normal((steps, 6, 2))
+        agents = standard_starts(rng, road, wide=rng.random() < WIDE_SHARE)
+        noise = rng.standard_normal((steps, 6, 2))
         moved = ego._replace(head=head)
         seen, trace, _ = rollout(agents, road, steps, draw(rng), noise, ego=EGO_ROW, ego_network=moved)
         own = trace[: len(seen), EGO_ROW]

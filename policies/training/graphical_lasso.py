@@ -27,14 +27,18 @@ class Fitted:
 
 
 def graphical_lasso(
-    sample: np.ndarray, penalty: float, start: np.ndarray | None = None, limit: int = 200
+    sample: np.ndarray,
+    penalty: float,
+    start: np.ndarray | None = None,
+    limit: int = 200,
+    tolerance: float = TOLERANCE,
 ) -> Fitted:
     """The lasso's precision for a sample covariance (d, d); `start`: a precision to begin from."""
     precision = np.diag(1.0 / np.diag(sample)) if start is None else start
     covariance, log_det = _inverse(precision) or (np.eye(len(sample)), 0.0)
     value = np.sum(sample * precision) - log_det
     step, iteration, converged = 1.0, 0, False
-    wanted = TOLERANCE * float(np.linalg.norm(sample))
+    wanted = tolerance * float(np.linalg.norm(sample))
     while iteration < limit and not converged:
         iteration += 1
         gradient = sample - covariance

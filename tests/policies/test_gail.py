@@ -212,7 +212,7 @@ def test_graphical_lasso_finds_the_known_optimum_of_a_small_problem():
     cp.Problem(cp.Minimize(cost + penalty * cp.sum(cp.multiply(off, cp.abs(precision))))).solve(
         solver="SCS", eps=1e-7
     )
-    found = graphical_lasso(sample, penalty)
+    found = graphical_lasso(sample, penalty, tolerance=1e-6)
     assert found.converged
     assert np.allclose(found.precision, precision.value, atol=5e-3)
 
