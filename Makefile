@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate test check bench calibration drivers format clean
+.PHONY: help estimate test check bench calibration drivers schema example-ego format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
@@ -13,6 +13,8 @@ help:
 	@echo "make bench      measure the world's speed beside the bare SUMO loop"
 	@echo "make calibration  run every estimator on problems with known answers (an hour or more)"
 	@echo "make drivers DATA=DIR  train the shipped weights again and remake their cards (hours on one core)"
+	@echo "make schema     make the Python code of the egos' messages anew"
+	@echo "make example-ego  build the example ego in Rust and drive with it (minutes; needs cargo)"
 	@echo "make format     put the sources into their form"
 
 # The search is kept near the base (--max-kl) and to the starts (--mean-box): with 20,000 rollouts the paper's own settings
@@ -47,6 +49,14 @@ drivers: $(VENV)/.installed-dev
 	OMP_NUM_THREADS=1 $(BIN)/tailroad train ego-lidar --data $(DATA) --out $(WEIGHTS) --seed 1
 	$(BIN)/tailroad train thresholds --scenario i80-10s --ego lidar --ego idm --rollouts 100000 --splitting 20000 \
 	  --seed 1 --out build/thresholds --card $(WEIGHTS)/drivers-gail.json
+
+# The example ego in Rust (needs cargo), and rollouts driven by it: minutes.
+example-ego: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -m long tests/deploy/test_rust_ego.py
+
+# The Python code of the messages that egos on the network exchange.
+schema: $(VENV)/.installed-dev
+	$(BIN)/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. service/egos/ego.proto
 
 format: $(VENV)/.installed-dev
 	$(BIN)/ruff format .

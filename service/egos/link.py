@@ -1,6 +1,7 @@
 """The worker's end of the line to ego services: Zenoh queries with a deadline, and nothing about what they mean."""
 
 import atexit
+import json
 import threading
 from typing import Protocol
 
@@ -35,9 +36,10 @@ class Line(Protocol):
 class ZenohLine:
     """A Zenoh session of this process, opened when first needed."""
 
-    def __init__(self, settings: EgoSettings):
+    def __init__(self, settings: EgoSettings, patience_s: float):
+        """EgoError where nothing listens at the address within `patience_s`."""
         self._settings = settings
-        self._session = _open(settings)
+        self._session = _open(settings, patience_s)
         atexit.register(self.close)  # an open session keeps the interpreter from ending
         self._present: set[str] = set()
         self._changed = threading.Condition()
@@ -91,10 +93,10 @@ class ZenohLine:
         self._session.close()
 
 
-def _open(settings: EgoSettings) -> zenoh.Session:
+def _open(settings: EgoSettings, patience_s: float) -> zenoh.Session:
     where = settings.config or settings.address
     try:
-        config = zenoh.Config.from_file(settings.config) if settings.config else _client(settings)
+        config = zenoh.Config.from_file(settings.config) if settings.config else _client(settings, patience_s)
     except zenoh.ZError as error:
         raise InputError(f"{settings.config} is not a Zenoh configuration: {error}") from error
     try:
@@ -105,13 +107,13 @@ def _open(settings: EgoSettings) -> zenoh.Session:
         ) from error
 
 
-def _client(settings: EgoSettings) -> zenoh.Config:
+def _client(settings: EgoSettings, patience_s: float) -> zenoh.Config:
     """A client of one address: nothing listens, nothing is scouted."""
     config = zenoh.Config()
     for key, value in (
         ("mode", '"client"'),
-        ("connect/endpoints", f'["{settings.address}"]'),
-        ("connect/timeout_ms", str(int(1000 * settings.patience_s))),
+        ("connect/endpoints", json.dumps([settings.address])),
+        ("connect/timeout_ms", str(int(1000 * patience_s))),
         ("scouting/multicast/enabled", "false"),
         ("transport/link/rx/max_message_size", str(MAX_MESSAGE_BYTES)),
     ):

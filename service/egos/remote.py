@@ -37,9 +37,9 @@ class RemoteEgo:
         road: Road,
         scenario: str,
         step_s: float,
-        open_line: Callable[[EgoSettings], Line] = ZenohLine,
+        open_line: Callable[[EgoSettings, float], Line] = ZenohLine,
     ):
-        """name: the service's, without `zenoh:`. The line is opened at once; EgoError where nothing is there."""
+        """name: the service's, without `zenoh:`. The line is opened when it is first needed."""
         self.name = f"zenoh:{name}"
         self._service_name = name
         self._settings = settings
@@ -52,12 +52,13 @@ class RemoteEgo:
         self._step = 0
         self._welcome: pb.Welcome | None = None
         self._patience_s = settings.patience_s
-        self._line = open_line(settings)
+        self._open_line = open_line
+        self._opened: Line | None = None
 
     @property
     def wants_camera(self) -> bool:
-        """Whether the service asked for pictures; says hello where that has not been done."""
-        return self.greet().camera != pb.CAMERA_NONE
+        """Whether the service asked for pictures; False before it was met."""
+        return self._welcome is not None and self._welcome.camera != pb.CAMERA_NONE
 
     def greet(self) -> pb.Welcome:
         """The service's welcome; EgoError where there is no service or none that speaks our version."""
@@ -101,8 +102,19 @@ class RemoteEgo:
         """Say goodbye, so that the service can forget this worker."""
         if self._welcome is not None:
             goodbye = pb.Request(goodbye=pb.Goodbye(worker=self._worker))
-            self._line.tell(self._service_name, self._welcome.instance, goodbye.SerializeToString())
-        self._line.close()
+            self._line().tell(self._service_name, self._welcome.instance, goodbye.SerializeToString())
+        if self._opened is not None:
+            self._opened.close()
+            self._opened = self._welcome = None
+
+    def _line(self) -> Line:
+        if self._opened is None:
+            try:
+                self._opened = self._open_line(self._settings, self._patience_s)
+            except EgoError:
+                self._patience_s = 0.0
+                raise
+        return self._opened
 
     def _hello(self) -> pb.Welcome:
         """Greet all services of the name and take the one with the fewest workers.
@@ -110,7 +122,7 @@ class RemoteEgo:
         A service that is missing is waited for, but only once: after a wait in vain the next rollouts fail at once,
         until a service is back.
         """
-        if not self._line.wait(self._service_name, self._patience_s):
+        if not self._line().wait(self._service_name, self._patience_s):
             self._patience_s = 0.0
             raise EgoError(f"there is no ego service {self._service_name!r} at {self._settings.address}")
         hello = pb.Hello(
@@ -122,7 +134,7 @@ class RemoteEgo:
         )
         payload = pb.Request(hello=hello).SerializeToString()
         welcomes, reasons = [], []
-        for answer in self._line.ask_all(self._service_name, payload, self._settings.patience_s):
+        for answer in self._line().ask_all(self._service_name, payload, self._settings.patience_s):
             try:
                 welcomes.append(_checked(messages.reply_of(answer, "welcome").welcome))
             except EgoError as error:
@@ -136,7 +148,7 @@ class RemoteEgo:
 
     def _ask(self, welcome: pb.Welcome, request: pb.Request) -> bytes:
         try:
-            return self._line.ask(self._service_name, welcome.instance, request.SerializeToString())
+            return self._line().ask(self._service_name, welcome.instance, request.SerializeToString())
         except EgoError:
             self._welcome = None  # late or gone: the next rollout looks for a service anew
             raise

@@ -14,6 +14,7 @@ for each worker that calls; a worker runs one rollout at a time. Any policy of `
 """
 
 import contextlib
+import json
 import uuid
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
@@ -215,10 +216,10 @@ class Service:
         while True:
             try:
                 waiting = [self._queries.recv()]
+                while (more := self._queries.try_recv()) is not None:
+                    waiting.append(more)
             except zenoh.ZError:
                 return  # closed
-            while (more := self._queries.try_recv()) is not None:
-                waiting.append(more)
             payloads = [query.payload.to_bytes() if query.payload else b"" for query in waiting]
             for query, reply in zip(waiting, self._answering.answer(payloads), strict=True):
                 with query:
@@ -244,10 +245,10 @@ def _config(listen: str | None, connect: str | None, file: str | None) -> zenoh.
     config = zenoh.Config()
     if connect is not None:
         config.insert_json5("mode", '"client"')
-        config.insert_json5("connect/endpoints", f'["{connect}"]')
+        config.insert_json5("connect/endpoints", json.dumps([connect]))
     else:
         config.insert_json5("mode", '"router"')  # so that other services and their workers can meet here
-        config.insert_json5("listen/endpoints", f'["{listen}"]')
+        config.insert_json5("listen/endpoints", json.dumps([listen]))
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("transport/link/rx/max_message_size", str(MAX_REQUEST_BYTES))
     return config

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from service.sim.road import road_of
 from service.sim.sumo import BackgroundTraffic, SumoSession
 from service.sim.world import DriverNetwork, World, action_noise
 from sumo_nets.corridor import Corridor
+
+if TYPE_CHECKING:
+    from service.camera.onboard import OnboardCamera
 
 OUTCOMES = {
     step.RUNNING: "horizon",
@@ -74,12 +77,8 @@ class Simulator:
             rays=scenario.safety.rays,
             background_rows=BACKGROUND_ROWS if background else 0,
         )
-        self._camera = None
-        if getattr(ego, "wants_camera", False):
-            # only where an ego looks: the scene takes a second
-            from service.camera.onboard import OnboardCamera
-
-            self._camera = OnboardCamera(scenario, corridor)
+        self._corridor = corridor
+        self._camera: OnboardCamera | None = None
         self._monitor = open_monitor(scenario, len(self._world.agents))
         stations = [scenario.of(vehicle, "station_m") for vehicle in scenario.vehicles]
         self._has_background = background is not None
@@ -113,6 +112,16 @@ class Simulator:
         self._sumo.close()
         if (leave := getattr(self._ego, "close", None)) is not None:
             leave()
+
+    def _eyes(self) -> "OnboardCamera | None":
+        """The ego's camera where it wants one; asked when a rollout has begun: an ego elsewhere has to be met first."""
+        if not getattr(self._ego, "wants_camera", False):
+            return None
+        if self._camera is None:  # only where an ego looks: the scene takes a second
+            from service.camera.onboard import OnboardCamera
+
+            self._camera = OnboardCamera(self._scenario, self._corridor)
+        return self._camera
 
     def measured(self) -> np.ndarray | None:
         """The measure at each state of the last rollout, (states,); None for `ttc`, which observers are shown."""
@@ -153,7 +162,7 @@ class Simulator:
             status, ttc = world.observe()
 
         observation = Observation(world.observations[world.ego], 0.0, world.agents[world.ego])
-        camera = self._camera
+        camera = self._eyes()
         if camera is not None:
             camera.begin(x, seed)
         f = ttc

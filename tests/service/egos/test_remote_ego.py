@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Callable
 
 import pytest
 
@@ -11,6 +12,7 @@ import ce
 from policies.drivers import DriverModel
 from policies.egos import EgoPolicy
 from policies.egos.idm import IdmEgo
+from service.egos import ego_pb2 as pb
 from service.egos.open import meet_ego, open_ego
 from service.egos.sdk import Service
 from service.egos.settings import EgoSettings
@@ -187,3 +189,107 @@ def test_a_missing_service_is_told_before_a_job_begins(scenario, i80, address, m
         meet_ego("zenoh:nobody", scenario, i80)
     with pytest.raises(InputError, match="not one that this process may import"):
         meet_ego("os:system", scenario, i80)
+
+
+INSTANCE = [""]  # of the service that the test runs
+
+
+@pytest.fixture
+def scripted(address):
+    """scripted(answer): a bare Zenoh service named `odd` that answers `answer(request)` with bytes, run by the test."""
+    opened: list[Service] = []
+
+    class Odd(Service):
+        def __init__(self, answer):
+            super().__init__(IdmEgo, "odd", listen=address)
+            INSTANCE[:] = [self._answering.instance]
+            self._answering.answer = lambda payloads: [
+                Bytes(answer(pb.Request.FromString(p))) for p in payloads
+            ]
+
+    def start(answer) -> None:
+        opened.append(Odd(answer))
+        threading.Thread(target=opened[-1].run, daemon=True).start()
+
+    yield start
+    for service in opened:
+        service.close()
+
+
+class Bytes:
+    """A reply that is sent as it is."""
+
+    def __init__(self, payload: bytes):
+        self._payload = payload
+
+    def SerializeToString(self) -> bytes:  # as protobuf calls it
+        return self._payload
+
+
+def polite(request: pb.Request) -> pb.Reply:
+    """What a service should answer."""
+    kind = request.WhichOneof("kind")
+    if kind == "hello":
+        return pb.Reply(welcome=pb.Welcome(version=1, instance=INSTANCE[0]))
+    if kind == "reset":
+        return pb.Reply(ready=pb.Ready(rollout=request.reset.rollout))
+    seen = request.observation
+    return pb.Reply(action=pb.Action(rollout=seen.rollout, step=seen.step, motion=pb.Motion()))
+
+
+def twisted(kind: str, change) -> Callable[[pb.Request], bytes]:
+    """Polite answers, but those to `kind` changed by `change(reply)`, which may give other bytes."""
+
+    def answer(request: pb.Request) -> bytes:
+        reply = polite(request)
+        if request.WhichOneof("kind") == kind and (request.observation.step >= 3 or kind != "observation"):
+            return change(reply)
+        return reply.SerializeToString()
+
+    return answer
+
+
+def with_fields(message: str, **fields) -> Callable[[pb.Reply], bytes]:
+    def change(reply: pb.Reply) -> bytes:
+        for name, value in fields.items():
+            setattr(getattr(reply, message), name, value)
+        return reply.SerializeToString()
+
+    return change
+
+
+NONSENSE = {
+    "another rollout": (
+        "observation",
+        with_fields("action", rollout="someone-1"),
+        "rollout 'someone-1', not step 3",
+    ),
+    "another step": ("observation", with_fields("action", step=2), "for step 2 of rollout"),
+    "oversized": ("observation", lambda reply: bytes(70_000), "has 70000 bytes; at most 65536"),
+    "garbage": ("observation", lambda reply: b"\xff" * 30, "is not a Reply"),
+    "empty": ("observation", lambda reply: b"", "the answer is empty where action was due"),
+    "another kind": (
+        "reset",
+        lambda reply: pb.Reply(welcome=pb.Welcome()).SerializeToString(),
+        "welcome where ready",
+    ),
+    "ready for another": ("reset", with_fields("ready", rollout="x"), "is ready for rollout 'x'"),
+    "another version": ("hello", with_fields("welcome", version=2), "speaks version 2"),
+    "a wild instance": ("hello", with_fields("welcome", instance="../**"), "not 1 to 64 letters"),
+    "an unknown camera": ("hello", with_fields("welcome", camera=9), "unknown kind 9"),
+}
+
+
+@pytest.mark.parametrize("case", NONSENSE)
+def test_nonsense_from_a_service_is_a_recorded_error_with_its_reason(scripted, remote, rollouts, case):
+    kind, change, told = NONSENSE[case]
+    scripted(twisted(kind, change))
+    (failed,) = rollouts(remote("odd"), 1)
+    assert failed.outcome == "error"
+    assert failed.error is not None
+    assert told in failed.error
+
+
+def test_a_polite_service_drives(scripted, remote, rollouts):
+    scripted(lambda request: polite(request).SerializeToString())
+    assert rollouts(remote("odd"), 1) == rollouts(Straight(), 1)
