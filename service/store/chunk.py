@@ -7,6 +7,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from service.errors import StoreError
+
 FAILED = 255  # outcome code of a rollout that ended in an error
 
 
@@ -68,7 +70,25 @@ def row_of(job: str, phase: str, iteration: int, chunk: Chunk, origin: Origin = 
 
 
 def chunk_of(row: Any) -> Chunk:
-    """A row of the table `chunks` as a chunk."""
+    """A row of the table `chunks` as a chunk; StoreError where the row is damaged."""
+    try:
+        chunk = _chunk_of(row)
+        whole = chunk.f.size == chunk.outcomes.size == chunk.steps.size == chunk.stop - chunk.start
+    except (msgspec.MsgspecError, ValueError, TypeError, RecursionError) as error:
+        raise _damaged(row) from error
+    if not whole:
+        raise _damaged(row)
+    return chunk
+
+
+def _damaged(row: Any) -> StoreError:
+    return StoreError(
+        f"the record of rollouts {row.start} to {row.stop} (phase {row.phase}, iteration {row.iteration}) is damaged; "
+        "take it from a copy of the database"
+    )
+
+
+def _chunk_of(row: Any) -> Chunk:
     errors = msgspec.json.decode(row.errors, type=dict[str, str])
     return Chunk(
         row.start,

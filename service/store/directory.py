@@ -62,7 +62,7 @@ class RunDirectory:
             run = msgspec.json.decode((path / "run.json").read_bytes(), type=_Run)
         except FileNotFoundError as error:
             raise StoreError(f"{path} is not a run directory (it has no run.json); check the path") from error
-        except (OSError, msgspec.MsgspecError) as error:
+        except (OSError, msgspec.MsgspecError, ValueError, RecursionError) as error:
             raise StoreError(f"{path / 'run.json'} cannot be read: {error}") from error
         if run.format != FORMAT:
             raise StoreError(f"{path} has run format {run.format}; this tailroad reads format {FORMAT}")
