@@ -8,6 +8,7 @@ likelihood of that under rate (1) of idm_mobil.py is maximised over politeness, 
 bias to the right (L-BFGS-B). A change starts LEAD_S before the centre crosses the boundary.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from scipy.optimize import minimize
 
 from policies.baselines.idm_mobil import PARAMETERS, RATE, incentive
 from policies.data.scenes import DataError, Scene
+from policies.jit import kernel
 from policies.realism.lane_changes import crossings
 
 DT_S = 0.1
@@ -84,21 +86,30 @@ def fit_following(following: np.ndarray, evaluations: int = 400) -> tuple[np.nda
     return np.exp(np.clip(best.x, low, high)), float(np.sqrt(best.fun))
 
 
+@kernel
 def spacing_error(idm: np.ndarray, following: np.ndarray) -> float:
     """Mean square of log(simulated gap / recorded gap), each follower simulated from its first row."""
-    v0, headway, standstill, a, b = idm
-    gap, v = following[:, 0, 0].copy(), following[:, 0, 1].copy()
+    v0, headway, standstill, a, b = idm[0], idm[1], idm[2], idm[3], idm[4]
+    root = 2.0 * math.sqrt(a * b)
     total, count = 0.0, 0
-    for k in range(1, following.shape[1]):
-        recorded, lead, before = following[:, k, 0], following[:, k, 2], following[:, k - 1, 2]
-        wanted = standstill + np.maximum(0.0, headway * v + v * (v - before) / (2.0 * np.sqrt(a * b)))
-        accel = a * (1.0 - (v / v0) ** 4 - (wanted / np.maximum(gap, 0.5)) ** 2)
-        new = np.maximum(v + np.clip(accel, -8.0, 4.0) * DT_S, 0.0)
-        gap = np.maximum(gap + DT_S * (0.5 * (lead + before) - 0.5 * (v + new)), 0.1)
-        v = new
-        here = np.isfinite(recorded) & (recorded > 0.5)
-        total += float(np.sum(np.log(gap[here] / recorded[here]) ** 2))
-        count += int(here.sum())
+    for event in range(following.shape[0]):
+        rows = following[event]
+        gap, v = rows[0, 0], rows[0, 1]
+        for k in range(1, following.shape[1]):
+            recorded, lead, before = rows[k, 0], rows[k, 2], rows[k - 1, 2]
+            if math.isnan(recorded):
+                break
+            ratio = v / v0
+            wanted = standstill + max(0.0, headway * v + v * (v - before) / root)
+            share = wanted / max(gap, 0.5)
+            accel = a * (1.0 - (ratio * ratio) * (ratio * ratio) - share * share)
+            new = max(v + min(max(accel, -8.0), 4.0) * DT_S, 0.0)
+            gap = max(gap + DT_S * (0.5 * (lead + before) - 0.5 * (v + new)), 0.1)
+            v = new
+            if recorded > 0.5:
+                error = math.log(gap / recorded)
+                total += error * error
+                count += 1
     return total / max(count, 1)
 
 

@@ -17,6 +17,8 @@ station_m      distance from a line across the road to the nearest vehicle in th
 lane_offset_m  from the centre of the vehicle's own lane, lanes 1 to 6 (scene)
 heading_deg    relative to the lane (scene)
 speed_mps      lanes 2 to 6, and lane 1 (HOV) apart (Coifman and Li: all vehicles, 880 s)
+
+From imported tables everything comes from their first road's scenes: lane 1 and all other main lanes apart.
 """
 
 from dataclasses import dataclass
@@ -30,6 +32,7 @@ from scipy.stats import kstest, spearmanr
 
 from policies.data.ngsim_pack import read_pack
 from policies.data.scenes import I80_HELD_OUT_FROM, DataError, Scene, read_i80
+from policies.data.tables import RAMP_SHARE, is_table, read_tables
 
 COIFMAN_FILE = "trajectories/coifman_li_2017_i80_cam6_0400-0415.parquet"
 TRAIN_BELOW = I80_HELD_OUT_FROM
@@ -85,42 +88,72 @@ class BetaFit:
 
 
 def samples(data: Path) -> dict[str, Sample]:
-    """The samples (BOUNDS) of the data pack in folder `data`. Raises DataError where a file is missing or wrong."""
-    scene = read_i80(data)
-    train = scene.vehicle_id < TRAIN_BELOW
+    """The samples (BOUNDS) of the data pack in folder `data`, or of imported tables (their first road; speeds from the
+    scenes, too). Raises DataError where a file is missing or wrong."""
+    scenes, from_pack = _scenes(data)
+    parts = [_of_scene(scene) for scene in scenes]
+    found = {name: _joined([part[name] for part in parts]) for name in parts[0]}
+    return found | _coifman_speeds(data / COIFMAN_FILE) if from_pack else found
+
+
+def _scenes(data: Path) -> tuple[list[Scene], bool]:
+    """The scenes of the I-80 site, or of the first road in imported tables; whether they are the data pack's."""
+    if not is_table(data):
+        return [read_i80(data)], True
+    scenes, _ = read_tables(data)
+    return [scene for scene in scenes if scene.road.name == scenes[0].road.name], False
+
+
+def _of_scene(scene: Scene) -> dict[str, Sample]:
+    train = scene.vehicle_id < scene.held_out_from
     frame, vehicle = _rows(scene, train)
-    spacing = scene.road.lane_width_m
     lane = scene.lane[frame, vehicle]
-    centre = (0.5 * (len(scene.road.lane_left) - 1) - lane) * spacing
-    who = scene.vehicle_id[vehicle]
+    centre = (0.5 * (len(scene.road.lane_left) - 1) - lane) * scene.road.lane_width_m
+    who, speed = scene.vehicle_id[vehicle], scene.speed[frame, vehicle]
     return {
-        "station_m": _nearest(scene, train, range(1, MAIN_LANES)),
+        "station_m": _nearest(scene, train, range(1, main_lanes(scene))),
         "station_m_lane_1": _nearest(scene, train, range(1)),
         "lane_offset_m": Sample(scene.lateral[frame, vehicle] - centre, who),
         "heading_deg": Sample(np.degrees(scene.heading[frame, vehicle]), who),
-        **_speeds(data / COIFMAN_FILE),
+        "speed_mps": Sample(speed[lane > 0], who[lane > 0]),
+        "speed_mps_lane_1": Sample(speed[lane == 0], who[lane == 0]),
     }
+
+
+def _joined(parts: list[Sample]) -> Sample:
+    return Sample(np.concatenate([p.x for p in parts]), np.concatenate([p.vehicle for p in parts]))
+
+
+def main_lanes(scene: Scene) -> int:
+    """How many lanes from the left carry traffic all along: the rest are ramps."""
+    rows = np.bincount(scene.lane[scene.lane >= 0], minlength=len(scene.road.lane_left))
+    busy = np.flatnonzero(rows > RAMP_SHARE * np.median(rows[rows > 0]))
+    return min(int(busy[-1]) + 1, MAIN_LANES)
 
 
 def dependence(data: Path) -> dict[str, float]:
     """Rank correlations that the scenario's independent marginals ignore."""
-    scene = read_i80(data)
-    frame, vehicle = _rows(scene, scene.vehicle_id < TRAIN_BELOW)
-    offset = scene.lateral[frame, vehicle]
-    offset = offset - np.round(offset / scene.road.lane_width_m) * scene.road.lane_width_m
+    scenes, _ = _scenes(data)
+    offset, heading, speed = [], [], []
+    for scene in scenes:
+        frame, vehicle = _rows(scene, scene.vehicle_id < scene.held_out_from)
+        d, spacing = scene.lateral[frame, vehicle], scene.road.lane_width_m
+        offset.append(d - np.round(d / spacing) * spacing)
+        heading.append(scene.heading[frame, vehicle])
+        speed.append(scene.speed[frame, vehicle])
     columns = {
-        "offset": offset,
-        "heading": scene.heading[frame, vehicle],
-        "speed": scene.speed[frame, vehicle],
+        "offset": np.concatenate(offset),
+        "heading": np.concatenate(heading),
+        "speed": np.concatenate(speed),
     }
     pairs = (("offset", "heading"), ("offset", "speed"), ("heading", "speed"))
     found = {f"{a}, {b}": float(spearmanr(columns[a], columns[b])[0]) for a, b in pairs}
-    found["speeds of neighbours in adjacent lanes 2 to 6"] = _neighbours_speeds(scene)
+    found["speeds of neighbours in adjacent lanes 2 to 6"] = _neighbours_speeds(scenes)
     return found
 
 
 def _rows(scene: Scene, train: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    use = scene.usable & train & (scene.lane < MAIN_LANES)
+    use = scene.usable & train & (scene.lane < main_lanes(scene))
     use[np.arange(len(use)) % EVERY_FRAMES != 0] = False
     frame, vehicle = np.nonzero(use)
     return frame, vehicle
@@ -141,10 +174,10 @@ def _nearest(scene: Scene, train: np.ndarray, lanes: range) -> Sample:
                 nearest = k if station[k] - line < line - station[k - 1] else k - 1
                 values.append(station[nearest] - line)
                 who.append(scene.vehicle_id[here[nearest]])
-    return Sample(np.array(values), np.array(who))
+    return Sample(np.array(values), np.array(who, dtype=np.int64))
 
 
-def _speeds(path: Path) -> dict[str, Sample]:
+def _coifman_speeds(path: Path) -> dict[str, Sample]:
     if not path.is_file():
         raise DataError(
             f"{path}: no such file; --data must name the data pack's folder, which holds {COIFMAN_FILE}"
@@ -164,20 +197,23 @@ def _speeds(path: Path) -> dict[str, Sample]:
     }
 
 
-def _neighbours_speeds(scene: Scene) -> float:
+def _neighbours_speeds(scenes: list[Scene]) -> float:
     """Rank correlation of the speeds of the vehicles nearest to a line in adjacent lanes (2 to 6)."""
     left, right = [], []
-    for f in range(0, len(scene.frame), EVERY_FRAMES):
-        for line in LINES_M[::4]:
-            speeds = []
-            for lane in range(1, MAIN_LANES):
-                here = np.flatnonzero((scene.lane[f] == lane) & (np.abs(scene.station[f] - line) < 20.0))
-                near = here[np.argmin(np.abs(scene.station[f, here] - line))] if len(here) else -1
-                speeds.append(scene.speed[f, near] if near >= 0 else np.nan)
-            left += speeds[:-1]
-            right += speeds[1:]
+    for scene in scenes:
+        for f in range(0, len(scene.frame), EVERY_FRAMES):
+            for line in LINES_M[::4]:
+                speeds = []
+                for lane in range(1, main_lanes(scene)):
+                    here = np.flatnonzero((scene.lane[f] == lane) & (np.abs(scene.station[f] - line) < 20.0))
+                    near = here[np.argmin(np.abs(scene.station[f, here] - line))] if len(here) else -1
+                    speeds.append(scene.speed[f, near] if near >= 0 else np.nan)
+                left += speeds[:-1]
+                right += speeds[1:]
     both = np.isfinite(left) & np.isfinite(right)
-    return float(spearmanr(np.array(left)[both], np.array(right)[both])[0])
+    return (
+        float(spearmanr(np.array(left)[both], np.array(right)[both])[0]) if both.sum() > 2 else float("nan")
+    )
 
 
 def fit_beta(sample: Sample, bounds: tuple[float, float], resamples: int = 400, seed: int = 0) -> BetaFit:

@@ -68,7 +68,9 @@ def rate(count: np.ndarray, size: np.ndarray, vehicle: np.ndarray, rng: np.rando
 
 def bins(data: Values) -> np.ndarray:
     """Edges of BINS bins over the data's range."""
-    low, high = np.quantile(data.x, ENDS)
+    low, high = np.quantile(data.x, ENDS) if len(data.x) else (0.0, 1.0)
+    if high - low < 1e-9:  # all alike
+        low, high = low - 0.5, high + 0.5
     return np.linspace(low, high, BINS + 1)
 
 
@@ -82,6 +84,8 @@ def histogram(values: Values, edges: np.ndarray, weights: np.ndarray | None = No
 def distances(data: Values, model: Values, rng: np.random.Generator, resamples: int = 60) -> dict:
     """Wasserstein (in the quantity's unit) and Jensen-Shannon distance (0 to 1, base 2) of a model's values to the
     data's, with intervals over the model's vehicles."""
+    if min(len(data.x), len(model.x)) < 2:
+        return {"rows": len(model.x)}
     edges = bins(data)
     shape = histogram(data, edges)
 
@@ -91,8 +95,6 @@ def distances(data: Values, model: Values, rng: np.random.Generator, resamples: 
     def divergence(w: np.ndarray) -> float:
         return float(jensenshannon(shape, histogram(model, edges, w), base=2))
 
-    if len(model.x) < 2:
-        return {"rows": len(model.x)}
     one = np.ones(len(model.x))
     return {
         "rows": len(model.x),

@@ -80,7 +80,7 @@ def schema(as_json: bool) -> None:
 
 @command.command("fit-starts")
 @click.option("--data", required=True, type=click.Path(file_okay=False, path_type=Path),
-              help="Folder of the data pack.")  # fmt: skip
+              help="Folder of the data pack, or of imported tables (their first road).")  # fmt: skip
 @click.option("--out", required=True, type=click.Path(file_okay=False, path_type=Path),
               help="Folder for the pictures and i80-data.json.")  # fmt: skip
 @click.option(
@@ -89,7 +89,7 @@ def schema(as_json: bool) -> None:
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 @click.option("--json", "as_json", is_flag=True, help="Print the fits as JSON.")
 def fit_starts(data: Path, out: Path, resamples: int, seed: int, as_json: bool) -> None:
-    """Fit the starts of scenario i80-data to the NGSIM I-80 recordings; prints the scenario's TOML."""
+    """Fit the starts of scenario i80-data to recordings; prints the scenario's TOML and how well each marginal fits."""
     from policies.data import start_fit, start_fit_report
     from policies.data.scenes import DataError
 

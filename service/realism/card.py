@@ -11,16 +11,18 @@ from typing import Any
 import numpy as np
 
 from policies.data.recordings import Recordings, load_recordings
-from policies.data.scenes import Scene, summary
-from policies.drivers import load_drivers
+from policies.data.scenes import DataError, Scene, summary
+from policies.drivers import DriverModel, load_drivers
 from policies.realism import published
 from policies.realism.lane_changes import lane_changes
 from policies.realism.measures import QUANTITIES, Values, quantities
 from policies.realism.recorded import lane_change_facts
-from policies.realism.statistics import bins, distances, histogram
-from service.realism import models
+from policies.realism.statistics import bins, distances, histogram, rounded
+from service.realism import models, stream
+from service.realism.drive import IDM_MOBIL, NETWORK, Model
 from service.realism.evaluate import (
     ERRORS,
+    LENGTHS_S,
     PROTOCOLS,
     Measured,
     Runner,
@@ -32,6 +34,7 @@ from service.realism.evaluate import (
     recorded,
     shares,
 )
+from sumo_nets.corridor import load_corridor
 
 BASELINE = "drivers-bc"
 HISTOGRAM_PROTOCOL = "twenty"
@@ -45,7 +48,7 @@ class Settings:
     weights: str
     data: Path
     seed: int = 1
-    samples: int = 4
+    samples: int = 2
     with_krauss: bool = True
 
     @property
@@ -84,6 +87,11 @@ def make(settings: Settings, tell: Callable[[str], None] = lambda _: None) -> di
                 runners[models.KRAUSS] = stack.enter_context(models.krauss(settings.seed)), 1
             runners[models.STILL] = models.constant_speed(scenes, settings.seed), 1
             sites[site] = _site(site, scenes, seconds, found, runners, settings.seed, tell)
+    if not sites:
+        raise DataError(
+            f"{settings.data}: no held-out vehicle is recorded for {LENGTHS_S[-1]:g} s with its neighbours; longer "
+            "recordings are needed"
+        )
     facts = {
         "what": "realism card of the driver model",
         "weights": name,
@@ -94,6 +102,7 @@ def make(settings: Settings, tell: Callable[[str], None] = lambda _: None) -> di
         "method": drivers.card.get("method", ""),
         "data": _data(recordings),
         "idm_mobil": fit.as_dict(),
+        "stream": _stream(settings, networks, fit.values, tell),
         "sites": sites,
         "published": {"sources": list(published.SOURCES), "protocol": published.PROTOCOL},
         "versions": _versions(),
@@ -147,12 +156,37 @@ def _people(people: Measured, scenes: list[Scene], data: dict[str, Values], rng:
     return {
         **shares(people.count, np.array(people.vehicle), rng),
         "values": {
-            name: {"mean": round(float(v.x.mean()), 4), "sd": round(float(v.x.std()), 4)}
+            name: {"mean": rounded(float(v.x.mean()), 4), "sd": rounded(float(v.x.std()), 4)}
             for name, v in data.items()
+            if len(v.x)
         },
         "distances_of_training_vehicles": {
             name: distances(data[name], joined(parts), rng) for name, parts in others.items()
         },
+    }
+
+
+def _stream(
+    settings: Settings, networks: dict[str, DriverModel], values: np.ndarray, tell: Callable[[str], None]
+) -> dict[str, Any] | None:
+    """The traffic stream at I-80's demand, where the data have it."""
+    wanted = stream.demand(settings.data)
+    if wanted is None:
+        return None
+    corridor = load_corridor("i80")
+    driving = {name: Model(name, NETWORK, drivers) for name, drivers in networks.items()}
+    driving[models.IDM] = Model(models.IDM, IDM_MOBIL, values=values)
+    found = {}
+    for name, model in driving.items():
+        tell(f"stream: {name}")
+        found[name] = stream.of_model(model, corridor, wanted, None, settings.seed)
+    if settings.with_krauss:
+        tell("stream: krauss")
+        found[models.KRAUSS] = stream.of_sumo(corridor, wanted, settings.seed)
+    return {
+        "demand_veh_per_h": round(3600.0 * float(wanted.flow.sum(axis=1).mean())),
+        "recorded": stream.recorded_facts(wanted),
+        "models": found,
     }
 
 
@@ -173,9 +207,7 @@ def _data(recordings: Recordings) -> dict[str, Any]:
 
 def _targets(facts: dict[str, Any], name: str) -> dict[str, Any]:
     """Each target beside what the drivers reached on I-80 (or the first site) at the horizon that the target names."""
-    site = "i80" if "i80" in facts["sites"] else next(iter(facts["sites"]), None)
-    if site is None:
-        return {"site": None, "rows": []}
+    site = "i80" if "i80" in facts["sites"] else next(iter(facts["sites"]))
     at = facts["sites"][site]
     horizon = f"{min(published.TARGET_HORIZON_S, at['seconds']):g}"
     rows = []

@@ -94,7 +94,7 @@ def drive(
                 forward(seen[i], w1, b1, w2, b2, head, outputs)
                 a, w = sample_action(outputs, action_scale, noise[t, i, 0], noise[t, i, 1])
             elif kind == IDM_MOBIL:
-                a, w = _idm_mobil(
+                a, w = idm_mobil_step(
                     p, agent, i, station, lane, speed, length, present, last_lane, wanted, chance[t, i], lanes,
                 )  # fmt: skip
             advance(agent, a, w, 0.1, False)
@@ -102,7 +102,7 @@ def drive(
 
 
 @kernel
-def _idm_mobil(p, agent, i, station, lane, speed, length, present, last_lane, wanted, chance, lanes):
+def idm_mobil_step(p, agent, i, station, lane, speed, length, present, last_lane, wanted, chance, lanes):
     """Acceleration and turn rate; updates the lane that is wanted."""
     here = lane[i]
     if wanted[i] < 0:
@@ -128,7 +128,7 @@ def _idm_mobil(p, agent, i, station, lane, speed, length, present, last_lane, wa
     return a, steering(p, agent[A.SPEED_MPS], agent[A.OFFSET_M] - centre, heading, curvature)
 
 
-_NOBODY = DriverModel(
+NOBODY = DriverModel(
     np.zeros((layout.OBSERVATION_SIZE, layout.HIDDEN_1), np.float32), np.zeros(layout.HIDDEN_1, np.float32),
     np.zeros((layout.HIDDEN_1, layout.HIDDEN_2), np.float32), np.zeros(layout.HIDDEN_2, np.float32),
     np.zeros(layout.HEAD_SIZE), np.zeros((1, 1)), np.ones(2), {},
@@ -151,7 +151,7 @@ def drive_scene(
     agents[:n, A.X_M : A.SPEED_MPS + 1] = state[0, who, :4]
     agents[:n, A.STATION] = np.clip(np.round(state[0, who, 4] / road.spacing_m), 0, len(road.reference) - 1)
     agents[:n, A.ACTIVE] = 1.0
-    drivers = model.drivers if model.drivers is not None else _NOBODY
+    drivers = model.drivers if model.drivers is not None else NOBODY
     weights = (drivers.mu0 if head is None else head).astype(np.float32)
     out = np.zeros((steps + 1, n, 5))
     drive(

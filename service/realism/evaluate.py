@@ -20,7 +20,7 @@ from policies.realism.statistics import distances, rate, root_mean_square, round
 
 HORIZONS_S = (1.0, 2.0, 5.0, 8.0, 10.0, 15.0, 20.0)
 LENGTHS_S = (20.0, 15.0, 10.0, 8.0, 5.0)
-EVERY_S = 2.5
+EVERY = 0.25  # of a window's length: how far apart windows start
 MINIMUM_VEHICLES = 5
 ERRORS = ("position_m", "speed_mps", "lane_offset_m")
 PROTOCOLS = ("one", "twenty", "all")
@@ -40,10 +40,10 @@ class Window:
 
 
 def windows(scenes: list[Scene], seconds: float) -> list[Window]:
-    """Windows every EVERY_S with a held-out vehicle that is there throughout, its neighbours known at the start."""
+    """Overlapping windows with a held-out vehicle that is there throughout, its neighbours known at the start."""
     found = []
     for number, scene in enumerate(scenes):
-        steps, stride = round(seconds / scene.dt_s), round(EVERY_S / scene.dt_s)
+        steps, stride = round(seconds / scene.dt_s), round(EVERY * seconds / scene.dt_s)
         for first in range(EDGE_FRAMES, len(scene.frame) - steps, stride):
             there = scene.present[first : first + steps + 1].all(axis=0)
             held = there & scene.usable[first] & (scene.vehicle_id >= scene.held_out_from)

@@ -18,7 +18,10 @@ LINES: dict[str, dict[str, Any]] = {
     models.KRAUSS: {"color": "#CC79A7", "linestyle": ":"},
     models.STILL: {"color": "#8c8c8c", "linestyle": (0, (1, 2))},
 }
-DRIVERS: tuple[dict[str, Any], ...] = ({"color": "#D55E00", "linestyle": "-"}, {"color": "#0072B2", "linestyle": "--"})
+DRIVERS: tuple[dict[str, Any], ...] = (
+    {"color": "#D55E00", "linestyle": "-"},
+    {"color": "#0072B2", "linestyle": "--"},
+)
 ERRORS = {
     "position_m": "distance from the recorded position, m",
     "speed_mps": "difference in speed, m/s",
@@ -83,7 +86,7 @@ def distribution_pictures(facts: Facts, site: str) -> list[Picture]:
             axes.stairs(
                 np.array(of["shares"]["people"]) / width, edges, fill=True, color="#d4d4d4", label="people"
             )
-            top = (np.array(of["shares"]["people"]) / width).max()
+            top = 1e-9 + (np.array(of["shares"]["people"]) / width).max()
             for model, shares in of["shares"].items():
                 if model in ("people", models.STILL):
                     continue

@@ -24,8 +24,6 @@ def verdict(facts: Facts) -> dict[str, list[str]]:
             text += f" (mean over vehicles, as published figures are made: {reached['mean']:.3g})"
         (good if reached["met"] else not_good).append(text + ".")
     site = facts["targets"]["site"]
-    if site is None:
-        return {"good": good, "not": not_good}
     of = facts["sites"][site]
     own = of["models"][facts["weights"]]["twenty"]
     _lane_changes(of, own, good, not_good)

@@ -300,20 +300,24 @@ class SumoTraffic:
     SUMO knows lanes and positions along them: a vehicle that is changing lanes is in the middle of one or the other.
     """
 
-    def __init__(self, corridor: Corridor, step_s: float, seed: int):
+    def __init__(self, corridor: Corridor, step_s: float, seed: int, insert_anyhow: bool = True):
+        """insert_anyhow: vehicles appear where they are added; otherwise when SUMO finds it safe."""
         if SumoSession._open is not None:
             raise SimulationError("this process already runs a SUMO simulation; close it first")
         self._corridor = corridor
         self._options = [
             "sumo", "--net-file", corridor.net_path, "--step-length", str(step_s), "--seed", str(seed % 2**31),
             "--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true",
-            "--collision.action", "none", "--time-to-teleport", "-1", "--insertion-checks", "none",
+            "--collision.action", "none", "--time-to-teleport", "-1",
         ]  # fmt: skip
+        if insert_anyhow:
+            self._options += ["--insertion-checks", "none"]
         self._hints = _lane_hints(corridor)
         self._extent: dict[
             tuple[str, int], tuple[float, float]
         ] = {}  # an edge's lane: first station, length (m)
         self._length: dict[str, float] = {}
+        self.seen = 0  # vehicles that have entered the road
         libsumo.start(self._options)
         SumoSession._open = self  # type: ignore[assignment]
 
@@ -370,6 +374,35 @@ class SumoTraffic:
 
     def step(self) -> None:
         libsumo.simulationStep()
+        self.seen += libsumo.simulation.getDepartedNumber()
+
+    def between(self, first_m: float, last_m: float) -> list[str]:
+        """The corridor's edges that lie between two stations."""
+        lane = self._corridor.edge_index[0]
+        stations = np.arange(len(lane)) * self._corridor.ds_m
+        found = []
+        for number, edge in enumerate(self._corridor.edges):
+            at = stations[lane == number]
+            if len(at) and first_m <= at[0] and at[-1] <= last_m:
+                found.append(edge)
+        return found
+
+    def length_of(self, edges: Sequence[str]) -> float:
+        """Length of edges along the road, m."""
+        return float(sum(libsumo.lane.getLength(f"{edge}_0") for edge in edges))
+
+    def count(self, edges: Sequence[str]) -> tuple[int, float]:
+        """How many vehicles SUMO sees on edges, and the sum of their speeds (m/s)."""
+        number = [libsumo.edge.getLastStepVehicleNumber(edge) for edge in edges]
+        speed = [libsumo.edge.getLastStepMeanSpeed(edge) for edge in edges]
+        return sum(number), float(sum(n * v for n, v in zip(number, speed, strict=True)))
+
+    def limit(self, edges: Sequence[str], lane: int, speed: float) -> None:
+        """Speed limit of a lane (0 = leftmost) on edges."""
+        for edge in edges:
+            index = libsumo.edge.getLaneNumber(edge) - 1 - lane
+            if index >= 0:
+                libsumo.lane.setMaxSpeed(f"{edge}_{index}", max(speed, 0.1))
 
     def read(self, name: str) -> tuple[int, float, float, float]:
         """Lane, station of the centre (m), speed (m/s) and acceleration (m/s^2) of a vehicle on the road."""

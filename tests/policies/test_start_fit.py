@@ -11,6 +11,7 @@ from scipy.special import psi
 
 from policies.data import start_fit as F
 from policies.data import start_fit_report as R
+from policies.data.ngsim_import import import_file
 from policies.data.scenes import DataError, read_i80
 from policies.training.demonstrations import held_out_vehicles
 from service.cli.main import main
@@ -126,3 +127,21 @@ def test_a_folder_without_the_recordings_ends_with_2(tmp_path):
     result = CliRunner().invoke(main, arguments)
     assert result.exit_code == 2
     assert "no such file; --data must name the data pack's folder" in result.output
+
+
+def test_starts_are_fitted_from_imported_tables_too(tmp_path):
+    """The import of the shipped sample: the same offsets as from the sample itself, speeds from the scene."""
+    shipped = Path(F.__file__).parent / "sample"
+    made = {"scene_id": "i80", "lane_offset_m": 0.0, "heading_est_rad": 0.0, "speed_est_mps": 0.0}
+    table = pl.read_parquet(shipped / "i80_6s.parquet")
+    table = table.with_columns(pl.lit(v).alias(k) for k, v in made.items() if k not in table.columns)
+    table.write_parquet(tmp_path / "i80.parquet")
+    import_file(tmp_path / "i80.parquet", tmp_path / "tables")
+    found = F.samples(tmp_path / "tables")
+    scene = read_i80(shipped / "i80_6s.parquet", shipped / "i80_lanes.json")
+    assert set(found) == set(F.BOUNDS)
+    assert len(found["lane_offset_m"].x) == pytest.approx(
+        (scene.usable[::10] & (scene.lane < 6)[::10]).sum(), rel=0.3
+    )
+    assert np.median(found["speed_mps"].x) == pytest.approx(np.median(scene.speed[scene.usable]), abs=1.5)
+    assert F.main_lanes(scene) == 6
