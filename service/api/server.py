@@ -87,6 +87,9 @@ class Api:
     # -- events ----------------------------------------------------------------------------------------------
 
     def _on_event(self, event: Event) -> None:
+        if event.kind != "progress":
+            fields = {"job": event.job, "event": event.kind, "body": event.body}
+            log.info("job %s: %s", event.job, event.kind, extra={"fields": fields})
         if not self._closed:
             try:
                 self._events.put_nowait(event)

@@ -1,6 +1,7 @@
-"""Options of `tailroad serve` for its API: what clients may name and how much they may ask."""
+"""Options of `tailroad serve` for its API: what clients may name, how much they may ask, and what is told of it."""
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from functools import wraps
 from typing import TYPE_CHECKING, Any
@@ -9,14 +10,17 @@ import click
 
 if TYPE_CHECKING:
     from service.api.limits import Limits
+    from service.fleet.service import Fleet
 
 
 @dataclass(frozen=True)
 class ApiSettings:
-    """offered: scenario files that jobs may name; limits: NAME=VALUE."""
+    """offered: scenario files that jobs may name; limits: NAME=VALUE; metrics: HOST:PORT; log_json: objects, not lines."""
 
     offered: tuple[str, ...]
     limits: tuple[str, ...]
+    metrics: str | None
+    log_json: bool
 
     def read_limits(self) -> "Limits":
         """The limits as given; click.BadParameter names one that cannot be."""
@@ -39,21 +43,29 @@ class ApiSettings:
 
 
 def api_options() -> Callable:
-    """`--scenario` and `--limit`; the command is given `api`, an ApiSettings."""
+    """`--scenario`, `--limit`, `--metrics` and `--log-json`; the command is given `api`, an ApiSettings."""
     options = [
         click.option("--scenario", "offered", multiple=True, type=click.Path(exists=True, dir_okay=False),
                      help="File of an own scenario that jobs may name; its road and weights must lie at the same path "
                      "on every worker. Once for each."),
         click.option("--limit", "limits", multiple=True, metavar="NAME=VALUE",
                      help="How much clients may ask, as in open_jobs=50; see service/api/limits.py. Once for each."),
+        click.option("--metrics", metavar="[HOST:]PORT", help="Serve Prometheus metrics over HTTP here; without HOST "
+                     "for this machine alone.  [default: none]"),
+        click.option("--log-json", is_flag=True, help="Log one JSON object a line."),
     ]  # fmt: skip
 
     def decorate(command: Callable) -> Callable:
         @wraps(command)
         def with_settings(
-            *args: Any, offered: tuple[str, ...], limits: tuple[str, ...], **others: Any
+            *args: Any,
+            offered: tuple[str, ...],
+            limits: tuple[str, ...],
+            metrics: str | None,
+            log_json: bool,
+            **others: Any,
         ) -> Any:
-            return command(*args, api=ApiSettings(offered, limits), **others)
+            return command(*args, api=ApiSettings(offered, limits, metrics, log_json), **others)
 
         wrapped: Callable = with_settings
         for option in reversed(options):
@@ -61,3 +73,14 @@ def api_options() -> Callable:
         return wrapped
 
     return decorate
+
+
+def metrics_of(fleet: "Fleet", address: str | None, stack: ExitStack) -> Callable[[str, int, float], None]:
+    """What counts the API's requests; metrics are served at `address`, where there is one, until the stack ends."""
+    if address is None:
+        return lambda action, status, seconds: None
+    from service.api.metrics import Metrics
+
+    metrics = Metrics(fleet)
+    stack.callback(metrics.serve(address).close)
+    return metrics.seen

@@ -1,6 +1,5 @@
 """`tailroad serve`: scheduler, router and local workers of one machine, in one command."""
 
-import logging
 import signal
 import threading
 from contextlib import ExitStack
@@ -8,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from service.cli.api_options import ApiSettings, api_options
+from service.cli.api_options import ApiSettings, api_options, metrics_of
 from service.cli.options import core_count
 
 LOOPBACK = ("/127.", "/localhost:", "/[::1]")
@@ -51,10 +50,11 @@ def command(
     from service.fleet.policy import Policy
     from service.fleet.service import Fleet
     from service.fleet.zenoh_link import HubLink, router_session
+    from service.logs import log_to_stderr
     from service.store.database import sqlite_url
     from service.store.jobs import JobStore
 
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    log_to_stderr(api.log_json)
     limits = api.read_limits()
     stopping = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -75,7 +75,9 @@ def command(
         hub.start()
         stack.callback(hub.stop)
         stack.callback(HubLink(session, hub).close)
-        stack.callback(Api(session, Fleet(hub), api.offered, limits).close)
+        fleet = Fleet(hub)
+        seen = metrics_of(fleet, api.metrics, stack)
+        stack.callback(Api(session, fleet, api.offered, limits, seen).close)
         procs = core_count() if workers is None else workers
         if procs > 0:
             stack.callback(LocalWorker(listen[0], procs, zenoh_config).stop)
