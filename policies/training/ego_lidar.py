@@ -176,7 +176,7 @@ def quiet(network: Network, log_std: float = -5.0) -> Network:
     return network._replace(head=head.reshape(-1))
 
 
-def _urgency(arguments, rows: Rows, expert: Expert) -> np.ndarray:
+def urgency(arguments, rows: Rows, expert: Expert) -> np.ndarray:
     """Shares (n,) of rows in a batch, adding to 1: states that call for hard braking are few and matter most."""
     weight = np.ones(len(rows))
     if rows.kind[0] == AGGREGATED:
@@ -205,7 +205,7 @@ def train_network(arguments, recorded, perturbed, expert: Expert, road, draw, vi
         shares = [arguments.recorded_share, arguments.perturbed_share]
         shares.append(1.0 - sum(shares))
         weight = np.concatenate(
-            [s * _urgency(arguments, part, expert) for part, s in zip(parts, shares, strict=False)]
+            [s * urgency(arguments, part, expert) for part, s in zip(parts, shares, strict=False)]
         )
         if net is None:
             net = DriverNet(*input_statistics(wide))

@@ -33,7 +33,6 @@ from service.sim.world import DriverNetwork, World, action_noise
 
 PROBABILITIES = (1e-2, 1e-3, 1e-4, 1e-5)
 MINIMUM_EVENTS = 8
-BATCH = 2000
 
 
 class Rollouts:
