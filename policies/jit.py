@@ -18,7 +18,10 @@ from typing import Any
 
 import numba
 
-KERNEL_FOLDERS = ("policies", "service/sim", "service/sensors", "service/camera", "service/safety")
+KERNEL_FOLDERS = (
+    "policies", "policies/baselines", "service/sim", "service/sensors", "service/camera", "service/safety",
+    "service/realism",
+)  # fmt: skip
 
 
 def _source_digest() -> str:
