@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate test check bench calibration drivers schema example-ego format clean
+.PHONY: help estimate test check bench calibration faults bench-fleet fuzz drivers schema example-ego format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
@@ -12,6 +12,9 @@ help:
 	@echo "make check      the same without the tests"
 	@echo "make bench      measure the world's speed beside the bare SUMO loop"
 	@echo "make calibration  run every estimator on problems with known answers (an hour or more)"
+	@echo "make faults     kill workers and scheduler many times, play long random fleets (half an hour or more)"
+	@echo "make bench-fleet  what the scheduler costs with 200 workers and over a million rollouts"
+	@echo "make fuzz       100,000 wrong inputs to everything that reads from outside (an hour; goes on where it stopped)"
 	@echo "make drivers DATA=DIR  train the shipped weights again and remake their cards (hours on one core)"
 	@echo "make schema     make the Python code of the egos' messages anew"
 	@echo "make example-ego  build the example ego in Rust and drive with it (minutes; needs cargo)"
@@ -34,6 +37,17 @@ check: $(VENV)/.installed-dev
 
 bench: $(VENV)/.installed
 	$(BIN)/tailroad bench --memory-rollouts 10000
+
+faults: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -m long tests/service/fleet
+
+fuzz: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.fuzz.run --payloads 100000 --seed 1 --out build/fuzz
+
+bench-fleet: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.bench.fleet_scale overhead
+	$(BIN)/python -m tests.bench.fleet_scale memory
+	$(BIN)/python -m tests.bench.fleet_scale efficiency
 
 # Every method on every problem with a known answer over 200 seeds: an hour or more; goes on where it was interrupted.
 calibration: $(VENV)/.installed-dev

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ApiSettings:
-    """offered: scenario files that jobs may name; limits: NAME=VALUE; metrics: HOST:PORT; log_json: objects, not lines."""
+    """offered: scenario files that jobs may name; limits: NAME=VALUE; metrics: HOST:PORT; log_json: objects."""
 
     offered: tuple[str, ...]
     limits: tuple[str, ...]

@@ -2,7 +2,7 @@
 
 import click
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from service.api.objects import Job, Jobs
 from service.cli.client_options import client_options, echo_json
@@ -27,7 +27,9 @@ def command(status: str | None, label: str | None, limit: int, client: Client, a
     if as_json:
         echo_json(Jobs(items=tuple(found), next=None))
         return
-    table = Table("job", "scenario", "ego", "gamma", "method", "status", "rollouts", "label")
+    table = Table(
+        Column("job", no_wrap=True), "scenario", "ego", "gamma", "method", "status", "rollouts", "label"
+    )
     for job in found:
         table.add_row(job.id, job.scenario, job.ego, f"{job.gamma:g}", job.method, told_status(job), counted(job),
                       job.label)  # fmt: skip

@@ -35,7 +35,7 @@ def open_engine(url: str, lock_wait_s: float = LOCK_WAIT_S) -> sa.Engine:
         raise StoreError(f"this database needs {error.name}; install tailroad[postgres]") from error
     try:
         _prepare(engine)
-    except SQLAlchemyError as error:
+    except (SQLAlchemyError, UnicodeError) as error:  # SQLite quotes a damaged file's bytes in its messages
         engine.dispose()
         raise StoreError(f"cannot open {shown(engine)}: {reason(error)}") from error
     except StoreError:
@@ -83,7 +83,7 @@ def insert_once(engine: sa.Engine, table: sa.Table):
     return kind.insert(table).on_conflict_do_nothing()
 
 
-def reason(error: SQLAlchemyError) -> str:
+def reason(error: Exception) -> str:
     """What the database itself said."""
     return str(error.__cause__ or error).strip()
 

@@ -59,5 +59,5 @@ class ChunkRecord:
         try:
             with self._engine.connect() as connection:
                 yield from connection.execute(query.execution_options(yield_per=256))
-        except SQLAlchemyError as error:
+        except (SQLAlchemyError, UnicodeError) as error:
             raise StoreError(f"cannot read {shown(self._engine)}: {reason(error)}") from error

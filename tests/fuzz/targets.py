@@ -1,5 +1,5 @@
-"""What is fuzzed: everything that reads something from outside. Each target tells how a payload ended, and raises where it
-did not end as it must: in what was asked for, or in an error of the type that is promised."""
+"""What is fuzzed: everything that reads something from outside. Each target tells how a payload ended, and raises where
+it did not end as it must: in what was asked for, or in an error of the type that is promised."""
 
 from __future__ import annotations
 
@@ -30,8 +30,25 @@ from service.errors import InputError, ScenarioError, StoreError
 from service.fleet.answers import chunk_of
 from service.fleet.hub import Hub
 from service.fleet.messages import (
-    Answer, Ask, BadMessage, Bye, Capabilities, ChunkKey, Drawn, Explicit, Failed, GetJob, Hello, JobSpec, Lease, Noted,
-    Refused, Welcome, decode_reply, decode_request, encode,
+    Answer,
+    Ask,
+    BadMessage,
+    Bye,
+    Capabilities,
+    ChunkKey,
+    Drawn,
+    Explicit,
+    Failed,
+    GetJob,
+    Hello,
+    JobSpec,
+    Lease,
+    Noted,
+    Refused,
+    Welcome,
+    decode_reply,
+    decode_request,
+    encode,
 )  # fmt: skip
 from service.fleet.service import Fleet
 from service.job import Job, make_job
@@ -59,8 +76,8 @@ fail_above = 1e-3
 [options.ce]
 rho = 0.1
 """
-KEYS = ("about", "health", "scenarios", "egos", "workers", "jobs", "jobs/{job}", "jobs/{job}/estimate", "jobs/{job}/curve",
-        "jobs/{job}/iterations", "jobs/{job}/events", "jobs/{job}/pause", "jobs/{job}/resume", "schemas/Job", "jobs/x",
+KEYS = ("about", "health", "scenarios", "egos", "workers", "jobs", "jobs/{job}", "jobs/{job}/estimate",
+        "jobs/{job}/curve", "jobs/{job}/iterations", "jobs/{job}/events", "jobs/{job}/pause", "jobs/{job}/resume", "schemas/Job", "jobs/x",
         "jobs/x/estimate", "jobs/x/failures", "jobs/x/rollouts/1", "jobs/x/cancel", "schemas/x")  # fmt: skip
 
 
@@ -88,14 +105,14 @@ class Targets:
         self._application = Application(fleet, Catalogue(), limits)
         self._job = self._submit()
         self._run = self._recorded_run()
-        weights = next(p for p in loading.FOLDER.parents[1].joinpath("policies/weights").iterdir() if p.stem == shipped()[0]
-                       and p.suffix == ".safetensors")  # fmt: skip
+        folder_of_weights = loading.FOLDER.parents[1] / "policies" / "weights"
+        weights = folder_of_weights / f"{shipped()[0]}.safetensors"
         self._weights = weights.read_bytes()
         self.all = (
             Target("api keys and parameters", st.tuples(st.sampled_from(KEYS) | text, parameters), self._query, 0.08),
             Target("api submissions", bodies(SUBMISSION), self._submission, 0.2),
             Target("api scenarios by value", bodies(SUBMISSION | {"scenario": I80}), self._submission, 0.1),
-            Target("worker messages", st.one_of([damaged(m) for m in _messages()]) | st.binary(max_size=100), _message, 0.45),
+            Target("worker messages", _wrong_messages(), _message, 0.45),
             Target("scenario files", damaged(_toml_bytes()) | changed(I80), self._scenario, 0.05),
             Target("batch files", damaged(BATCH.encode()), self._batch, 0.05),
             Target("options", text, _option, 0.04),
@@ -295,6 +312,10 @@ def _messages() -> list[bytes]:
         Refused("why"),
     ]
     return [encode(one) for one in every]
+
+
+def _wrong_messages() -> st.SearchStrategy[bytes]:
+    return st.one_of([damaged(message) for message in _messages()]) | st.binary(max_size=100)
 
 
 def _toml_bytes() -> bytes:

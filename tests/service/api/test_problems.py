@@ -104,7 +104,9 @@ def test_wrong_scenarios_by_value(foreign, change: dict, says: str) -> None:
     assert says in problem["detail"]
 
 
-@pytest.mark.parametrize("body", [b"{", b"\xff\xfe", b"null", b"[]", b'"x"', DEEP, b'{"scenario": ' + DEEP, b"\x00"])
+@pytest.mark.parametrize(
+    "body", [b"{", b"\xff\xfe", b"null", b"[]", b'"x"', DEEP, b'{"scenario": ' + DEEP, b"\x00"]
+)
 def test_bodies_that_are_no_submission(foreign, body: bytes) -> None:
     assert foreign.problem("jobs", body)["type"] == "urn:tailroad:problem:bad-body"
 
