@@ -20,6 +20,7 @@ from ce.marginals import Exponential, Gumbel, LogNormal, Marginal, TruncatedNorm
 from ce.mixture import MixtureOptions, MixtureSampling
 from ce.naive import Naive, NaiveOptions
 from ce.normal import Normal
+from ce.paired import paired
 from ce.product import Product
 from ce.protocol import Algorithm
 from ce.replicated import ReplicatedEstimate
@@ -92,6 +93,7 @@ __all__ = [
     "draw",
     "estimate",
     "general_options",
+    "paired",
     "reweighted",
     "sensitivity",
     "to_bytes",

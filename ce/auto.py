@@ -166,18 +166,18 @@ class Auto(Posed):
         est = inner.estimate(within)
         left = self.options.budget - est.rollouts
         last = within.records[-1]
-        if len(within.records) == 1 and within.phase == "train":
+        if len(within.records) == 1:
             if left > 0 and last.events >= COMMON * last.rollouts:
                 return self._go(state, est, "naive", "the event is common")
             return state
-        if within.phase == "train":
+        if within.phase != "estimate":
             return state
         if within.f.size == 0:
             if last.events == 0:
                 return self._rare(state, est, 0.0, left, "the search found no events")
-            # An elite is worth at most one rollout of the proposal fitted to them.
-            naive_worth = _pilot_share(within) * left
-            if naive_worth > max(left * last.ess / sum(r.rollouts for r in within.records), FEW_EVENTS):
+            # What the last batch of the search was worth; an elite, at most one rollout of what is fitted to it.
+            promised = within.worths[-1] if within.worths else last.ess / est.rollouts
+            if _pilot_share(within) * left > max(promised * left, FEW_EVENTS):
                 return self._go(
                     state, est, "naive", "the proposal found promises less than naive Monte Carlo"
                 )
@@ -185,7 +185,7 @@ class Auto(Posed):
         fresh = within.f.size + left
         if not state.tried and within.f.size >= TRIAL * fresh:
             shaky = sorted(w.name for w in est.warnings if w.name in _SHAKY)
-            worth = est.ess / within.f.size * left * (DOUBT if shaky else 1.0)
+            worth = est.ess / max(est.f.size, 1) * left * (DOUBT if shaky else 1.0)
             if worth < max(est.p * left, _splitting_worth(est.p, left)):
                 return self._rare(
                     state,

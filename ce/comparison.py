@@ -63,8 +63,8 @@ def compare(a: Estimate, b: Estimate) -> Comparison:
 
 
 def _common(a: Estimate, b: Estimate) -> bool:
-    """Whether the i-th rollouts of both had the same draw: told by equal weights, or by both being naive Monte Carlo
-    of equal size and seed, which the caller answers for by giving both jobs the same seed."""
+    """Whether the i-th rollouts of both had the same draw: told by equal weights (`ce.paired`), or by both being naive
+    Monte Carlo of equal size and seed, which the caller answers for by giving both jobs the same seed."""
     if isinstance(a, ReplicatedEstimate) or isinstance(b, ReplicatedEstimate) or not 1 < a.f.size == b.f.size:
         return False
     if a.log_weights is None or b.log_weights is None:

@@ -20,23 +20,23 @@ import functools
 import math
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ce.checks import at_least, checked_response, checked_turn, in_range
 from ce.errors import BudgetError, OptionsError
-from ce.naive import record_of
-from ce.posed import Posed
+from ce.importance import ImportanceSampling, starved_condition
 from ce.product import Product
 from ce.projection import Projection
-from ce.results import Condition, Estimate, FailedRollout
+from ce.results import Condition
 from ce.state import (
     Batch,
     CrossEntropyState,
     EstimationRecord,
     TrainingRecord,
 )
-from ce.stopping import next_look
+from ce.stopping import first_look
 from ce.streams import checked_seed, draw
 from ce.weights import effective_sample_size, max_share, normalised, order_statistic
 
@@ -138,7 +138,7 @@ class CrossEntropyOptions:
 
 
 @dataclass(frozen=True)
-class CrossEntropy(Posed):
+class CrossEntropy(ImportanceSampling):
     """The algorithm: pure functions of a frozen state."""
 
     options: CrossEntropyOptions = CrossEntropyOptions()
@@ -200,28 +200,8 @@ class CrossEntropy(Posed):
         values = checked_response(batch, f)
         if state.phase == "train":
             return self._search_step(state, batch, values)
-        return self._estimation_step(state, batch, values)
-
-    def estimate(self, state: CrossEntropyState) -> Estimate:
-        """The estimate so far; p is NaN until estimation rollouts have been answered."""
-        training = sum(record.rollouts for record in state.records)
-        failures = [FailedRollout("train", k, i) for k, i in state.failed]
-        failures += [FailedRollout("estimate", 0, int(i)) for i in np.flatnonzero(np.isnan(state.f))]
-        return Estimate(
-            gamma=self.gamma,
-            method="ce",
-            confidence=self.options.confidence,
-            rollouts=training + state.f.size,
-            training_rollouts=training,
-            f=state.f,
-            log_weights=state.log_weights,
-            proposal=self._with(state.best_parameters),
-            finished=state.phase == "done",
-            rel_error=self.options.rel_error,
-            failed_rollouts=tuple(failures),
-            search_warnings=tuple(self._search_conditions(state)),
-            base_f=state.base_f,
-        )
+        log_w = self.base.log_ratio(self.proposal(state), batch.x)
+        return self._estimation_step(state, values, log_w)
 
     def proposal(self, state: CrossEntropyState) -> Product:
         """The distribution being sampled now."""
@@ -277,11 +257,10 @@ class CrossEntropy(Posed):
         k = state.iteration + 1
         iterations, _, estimation = o.sizes()
         over = k == iterations or (o.stop_when_reached and quantile <= self.gamma)
-        look_at = estimation if o.rel_error is None else min(o.batch_size, estimation)
+        look_at = first_look(o.rel_error, estimation, o.batch_size)
         failed = tuple((state.iteration, int(i)) for i in np.flatnonzero(np.isnan(f)))
-        after = CrossEntropyState(
-            digest=state.digest,
-            seed=state.seed,
+        after = msgspec.structs.replace(
+            state,
             phase="estimate" if over else "train",
             iteration=0 if over else k,
             parameters=best if over else theta,
@@ -289,8 +268,6 @@ class CrossEntropy(Posed):
             best_quantile=best_quantile,
             records=(*state.records, record),
             failed=state.failed + failed,
-            f=state.f,
-            log_weights=state.log_weights,
             base_f=f if state.iteration == 0 else state.base_f,
             look_at=look_at if over else 0,
         )
@@ -314,19 +291,11 @@ class CrossEntropy(Posed):
                 high = middle
         return theta, low
 
-    def _estimation_step(
-        self, state: CrossEntropyState, batch: Batch, f
-    ) -> tuple[CrossEntropyState, EstimationRecord]:
-        o = self.options
-        log_w = self.base.log_ratio(self.proposal(state), batch.x)
-        after = _replaced(
-            state, f=np.concatenate([state.f, f]), log_weights=np.concatenate([state.log_weights, log_w])
-        )
-        est = self.estimate(after)
-        if after.f.size >= state.look_at:
-            look_at, done = next_look(est, after.f.size, o.sizes()[2], o.batch_size)
-            after = _replaced(after, look_at=look_at, phase="done" if done else "estimate")
-        return after, record_of(est)
+    def _estimation_limit(self, state: CrossEntropyState) -> int:
+        return self.options.sizes()[2]
+
+    def _sampled(self, state: CrossEntropyState) -> Product:
+        return self._with(state.best_parameters)
 
     def _search_conditions(self, state: CrossEntropyState) -> list[Condition]:
         found: list[Condition] = []
@@ -342,23 +311,8 @@ class CrossEntropy(Posed):
                     "more iterations, more samples an iteration, or wider constraints",
                 )
             )
-        starved = [r.iteration for r in state.records if not r.quantile < math.inf]
-        if starved:
-            found.append(
-                Condition(
-                    "quantile-infinite",
-                    f"in {len(starved)} iterations (first: {starved[0]}) fewer than rho N rollouts "
-                    "had a finite f: the "
-                    "search went by the few finite ones with a shortened step",
-                    "more samples an iteration, a larger rho, or a measure f that is finite more often",
-                )
-            )
-        return found
-
-
-def _replaced(state: CrossEntropyState, **changes) -> CrossEntropyState:
-    fields = {name: getattr(state, name) for name in state.__struct_fields__}
-    return CrossEntropyState(**{**fields, **changes})
+        starved = starved_condition(state.records)
+        return [*found, starved] if starved else found
 
 
 def _summary(proposal: Product, base: Product) -> dict[str, float]:

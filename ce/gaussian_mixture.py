@@ -74,7 +74,20 @@ def _shifted(mixture: Mixture, z: Array, pick: Array) -> Array:
 
 def log_ratio(mixture: Mixture, u: Array) -> Array:
     """log q(u) - log phi(u), (n,)."""
-    terms = [np.full(u.shape[0], math.log(mixture.base_share))] if mixture.base_share > 0 else []
+    return logsumexp(np.stack(_log_terms(mixture, u)), axis=0)
+
+
+def nearest(mixture: Mixture, u: Array) -> NDArray[np.intp]:
+    """Which component of the mixture, the base the first of them, each u (n, d) most probably came from, (n,)."""
+    return np.argmax(np.stack(_log_terms(mixture, u)), axis=0)
+
+
+def _log_terms(mixture: Mixture, u: Array) -> list[Array]:
+    """log of each component's share of q(u) / phi(u), the base's first, each (n,)."""
+    n = u.shape[0]
+    terms = [np.full(n, math.log(mixture.base_share) if mixture.base_share > 0 else -math.inf)]
+    if not mixture.parts:
+        return terms
     norm2 = np.sum(u * u, axis=1)
     for part in mixture.parts:
         inner = u @ part.basis
@@ -85,7 +98,7 @@ def log_ratio(mixture: Mixture, u: Array) -> Array:
             log_shares = np.log(part.weight * part.shares)
         for log_share, mean, factor in zip(log_shares, part.means, part.factors, strict=True):
             terms.append(log_share + outside + log_normal(inner, mean, factor) + 0.5 * inner2)
-    return logsumexp(np.stack(terms), axis=0)
+    return terms
 
 
 def log_normal(y: Array, mean: Array, factor: Array) -> Array:

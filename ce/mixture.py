@@ -5,8 +5,9 @@
         U_1 .. U_N ~ q_k;  x = T(u)                                                     propose
         gamma_k = max(gamma, min(gamma_{k-1}, rho-quantile of f))                       update: _search_step
         elites = all rollouts so far with f <= gamma_k, weighted by phi / sum_t (N_t / N) q_t
-        q_{k+1} = base_share phi + ladder_share (fit of k - 1) + rest (fit to the elites)
-    until rho of a batch are events and `refinements` more batches have been fitted
+        q_{k+1} = base_share phi + ladder_share (fit of k - 1) + FOUND_SHARE (what the look found) + rest (fit)
+    until rho of a batch are events, a look from elsewhere (`ce.look`) has added what was missed, and at least
+    `refinements` more batches have been fitted, as long as that pays
     p = (1/n) sum phi/q(U_i) 1{f_i <= gamma} from fresh samples of the last q
 
 The elites' weights are those of the deterministic mixture of all proposals so far (balance heuristic: Veach and
@@ -16,99 +17,52 @@ all of them would not be honest.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ce import beta_update
-from ce.checks import at_least, checked_response, checked_turn, in_range
-from ce.errors import BudgetError
-from ce.gaussian_mixture import Mixture, Part, draw_standard, log_ratio, only_base
-from ce.mixture_fit import fit
-from ce.naive import record_of
-from ce.posed import Posed
+from ce import look
+from ce.checks import checked_response, checked_turn
+from ce.gaussian_mixture import Mixture, Part, draw_standard, log_ratio, nearest, only_base
+from ce.importance import ImportanceSampling
+from ce.mixture_fit import fit, fit_clusters
+from ce.mixture_options import LEAST_BUDGET, MANY, MixtureOptions
+from ce.mixture_report import LEAST_ELITES, described, record_of_search, search_conditions, summary_of
 from ce.product import Product
-from ce.results import Condition, Estimate, FailedRollout
+from ce.regression import Direction, downhill
+from ce.results import Condition
 from ce.standard import from_standard
 from ce.state import Batch, EstimationRecord, MixtureState, TrainingRecord
-from ce.stopping import next_look
+from ce.stopping import first_look
 from ce.streams import checked_seed, generator, noise_seeds
 from ce.subspace import LARGEST_FREE
 from ce.weights import effective_sample_size, max_share, normalised, order_statistic
 
-LEAST_BUDGET = 1000
-SAFE_SIZE = 1000  # rollouts in an iteration below which modes were seen to be missed (README, "Measured")
-LEAST_ELITES = 100
+__all__ = ["LEAST_BUDGET", "MixtureOptions", "MixtureSampling"]
+
+ENOUGH_TO_JUMP = 40.0  # effective events
+ENOUGH_ELITES = 200.0  # effective, however large an iteration is
+MOST_ELITES = 10_000  # kept, a random choice of them
 PATIENCE = 3  # iterations without a lower quantile after which the search ends
+FOUND_FIRST, FOUND_SHARE = (
+    0.4,
+    0.1,
+)  # of what the look has found: in the proposal after it, and in those that follow
+MOST_HINTS = 8
+LEAST_MASS = 0.01  # of the event, below which it does not matter whether a part of it is covered
+LEAST_STATES = 2  # chains
 _FIT_KIND = 0x66697400
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class MixtureOptions:
-    """Options of mixture sampling.
-
-    budget: rollouts at most, training included; rho: quantile level; samples_per_iteration: of the search (None: a
-    twentieth of the budget, a twelfth in more than LARGEST_FREE dimensions, at most 10,000, and at least SAFE_SIZE
-    where a tenth of the budget allows it); search_share: of
-    the budget that the search may use; refinements: batches fitted after the threshold is reached; base_share: of
-    the base in every proposal, which bounds every weight by 1 / base_share; ladder_share: of the fit before the
-    last; components: at most, in a fit; rel_error: relative half-width to stop at (None: spend the budget);
-    batch_size: estimation rollouts in a batch.
-    """
-
-    budget: int = 100_000
-    rho: float = 0.1
-    samples_per_iteration: int | None = None
-    search_share: float = 0.6
-    refinements: int = 2
-    base_share: float = 0.1
-    ladder_share: float = 0.1
-    components: int = 12
-    rel_error: float | None = None
-    confidence: float = 0.95
-    batch_size: int = 5000
-
-    def __post_init__(self) -> None:
-        at_least("budget", self.budget, 1)
-        if self.budget < LEAST_BUDGET:
-            raise BudgetError(f"method mixture needs a budget of at least {LEAST_BUDGET}, not {self.budget}")
-        at_least("refinements", self.refinements, 0)
-        at_least("components", self.components, 1)
-        at_least("batch_size", self.batch_size, 1)
-        in_range("rho", self.rho, 0, 1)
-        in_range("search_share", self.search_share, 0, 1)
-        in_range("base_share", self.base_share, 0, 0.5)
-        if self.ladder_share != 0:
-            in_range("ladder_share", self.ladder_share, 0, 0.5)
-        in_range("confidence", self.confidence, 0, 1)
-        if self.rel_error is not None:
-            in_range("rel_error", self.rel_error, 0, math.inf)
-        if self.samples_per_iteration is not None:
-            at_least("samples_per_iteration", self.samples_per_iteration, 50)
-            if self.samples_per_iteration > self.search_share * self.budget:
-                raise BudgetError(
-                    f"one iteration of {self.samples_per_iteration} rollouts does not fit into the search's share "
-                    f"of a budget of {self.budget}"
-                )
-
-    def iteration_size(self, dim: int) -> int:
-        """Rollouts in an iteration of the search."""
-        part = 20 if dim <= LARGEST_FREE else 12
-        least = min(SAFE_SIZE, max(self.budget // 10, 200))
-        return self.samples_per_iteration or min(max(self.budget // part, least), 10_000)
-
-    def most_iterations(self, dim: int) -> int:
-        return max(int(self.search_share * self.budget) // self.iteration_size(dim), 1)
-
-
-@dataclass(frozen=True)
-class MixtureSampling(Posed):
+class MixtureSampling(ImportanceSampling):
     """The algorithm: pure functions of a frozen state."""
 
-    options: MixtureOptions = MixtureOptions()
+    options: MixtureOptions = field(default_factory=MixtureOptions)
 
     method = "mixture"
     state_kind = MixtureState
@@ -120,6 +74,7 @@ class MixtureSampling(Posed):
 
     def init(self, seed: int = 0) -> MixtureState:
         """The state before any rollout: the first proposal is the base."""
+        nothing = np.zeros(0)
         return MixtureState(
             digest=self.digest,
             seed=checked_seed(seed),
@@ -133,222 +88,297 @@ class MixtureSampling(Posed):
             reached_at=-1,
             improved_at=0,
             elite_u=np.zeros((0, self.base.dim)),
-            elite_f=np.zeros(0),
+            elite_f=nothing,
+            look=None,
+            found=None,
+            coverage=math.nan,
+            worths=(),
             records=(),
             failed=(),
-            f=np.zeros(0),
-            log_weights=np.zeros(0),
-            base_f=np.zeros(0),
+            f=nothing,
+            log_weights=nothing,
+            base_f=nothing,
             look_at=0,
         )
 
     def propose(self, state: MixtureState) -> Batch | None:
-        """The next batch: one iteration of the search, or part of the fresh sample. None when finished."""
+        """The next batch: an iteration of the search, a part of the look or of the fresh sample; None when finished."""
         if state.phase == "done":
             return None
-        start, stop = self._rows(state)
-        x = from_standard(self.base, self._standard(state))
-        noise = noise_seeds(state.seed, state.phase, state.iteration, start, stop)
+        u, noise = self._standard(state)
+        x = from_standard(self.base, u)
+        phase = "estimate" if state.phase == "estimate" else "train"
+        start = self._start(state)
         return Batch(
-            state.phase, state.iteration, x, noise, state.parameters, state.seed, start, stop, explicit=True
+            phase,
+            state.iteration,
+            x,
+            noise,
+            state.parameters,
+            state.seed,
+            start,
+            start + x.shape[0],
+            explicit=True,
         )
 
     def update(
         self, state: MixtureState, batch: Batch, f: ArrayLike
     ) -> tuple[MixtureState, TrainingRecord | EstimationRecord]:
         """The state after the batch was answered with f (n,), NaN = failed rollout, and what happened."""
-        checked_turn(batch, state.seed, state.phase, state.iteration, self._rows(state)[0])
+        phase = "estimate" if state.phase == "estimate" else "train"
+        checked_turn(batch, state.seed, phase, state.iteration, self._start(state))
         values = checked_response(batch, f)
+        u, noise = self._standard(state)
         if state.phase == "train":
-            return self._search_step(state, values)
-        return self._estimation_step(state, values)
-
-    def estimate(self, state: MixtureState) -> Estimate:
-        """The estimate so far; p is NaN until estimation rollouts have been answered."""
-        training = sum(record.rollouts for record in state.records)
-        failures = [FailedRollout("train", k, i) for k, i in state.failed]
-        failures += [FailedRollout("estimate", 0, int(i)) for i in np.flatnonzero(np.isnan(state.f))]
-        return Estimate(
-            gamma=self.gamma,
-            method=self.method,
-            confidence=self.options.confidence,
-            rollouts=training + state.f.size,
-            training_rollouts=training,
-            f=state.f,
-            log_weights=state.log_weights,
-            proposal=self.proposal(state),
-            finished=state.phase == "done",
-            rel_error=self.options.rel_error,
-            failed_rollouts=tuple(failures),
-            search_warnings=tuple(self._search_conditions(state)),
-            base_f=state.base_f,
-        )
+            return self._search_step(state, u, values)
+        if state.phase == "look":
+            return self._look_step(state, u, noise, values)
+        return self._estimation_step(state, values, -log_ratio(state.mixtures[-1], u))
 
     def proposal(self, state: MixtureState) -> Product:
         """The member of the base's family nearest to what is sampled: for reading, not what is sampled."""
         return self.base.with_parameters(state.parameters)
 
+    # -- batches ---------------------------------------------------------------------------------------------
+
     @property
     def _iteration_size(self) -> int:
         return self.options.iteration_size(self.base.dim)
 
-    # -- steps -----------------------------------------------------------------------------------------------
+    def _start(self, state: MixtureState) -> int:
+        return state.f.size if state.phase == "estimate" else 0
 
-    def _rows(self, state: MixtureState) -> tuple[int, int]:
-        if state.phase != "estimate":
-            return 0, self._iteration_size
-        return state.f.size, min(state.f.size + self.options.batch_size, state.look_at)
+    def _standard(self, state: MixtureState) -> tuple[Array, NDArray[np.uint64]]:
+        """The batch in standard-normal space and its noise: drawn again rather than kept."""
+        if state.phase == "look":
+            assert state.look is not None
+            return look.batch(state.look, self.options.look_sizes()[0], state.seed, state.iteration)
+        phase, start, stop = state.phase, 0, self._iteration_size
+        if phase == "estimate":
+            start = state.f.size
+            stop = min(start + self.options.batch_size, state.look_at)
+        u = draw_standard(state.mixtures[-1], self.base.dim, state.seed, phase, state.iteration, start, stop)
+        return u, noise_seeds(state.seed, phase, state.iteration, start, stop)
 
-    def _standard(self, state: MixtureState) -> Array:
-        """The batch in standard-normal space: drawn again rather than kept."""
-        rows = self._rows(state)
-        return draw_standard(
-            state.mixtures[-1], self.base.dim, state.seed, state.phase, state.iteration, *rows
-        )
+    # -- the search ------------------------------------------------------------------------------------------
 
-    def _search_step(self, state: MixtureState, f: Array) -> tuple[MixtureState, TrainingRecord]:
+    def _search_step(self, state: MixtureState, u: Array, f: Array) -> tuple[MixtureState, TrainingRecord]:
         o = self.options
-        u = self._standard(state)
         ok = np.flatnonzero(~np.isnan(f))
         quantile = order_statistic(f[ok], o.rho)
-        level = min(state.level, quantile if quantile < math.inf else _largest_finite(f))
-        level = max(self.gamma, level)
-        new, old = ok[f[ok] <= level], state.elite_f <= level
-        elite_u = np.concatenate([state.elite_u[old], u[new]])
-        elite_f = np.concatenate([state.elite_f[old], f[new]])
-        log_w = -_mean_log_ratio(state.mixtures, elite_u)
-        weights = normalised(log_w)
-        reached_at = state.iteration if state.reached_at < 0 and quantile <= self.gamma else state.reached_at
-        improved = quantile < state.least_quantile
-        improved_at = state.iteration if improved else state.improved_at
-        mixtures, fits, parameters = state.mixtures, state.fits, state.parameters
-        step = 0.0
-        if elite_f.size >= 2:
-            source = generator(state.seed, _FIT_KIND, "train", state.iteration, 0)
-            part = fit(elite_u, weights, o.components, source)
-            fits = (*fits, part)
-            mixtures = (*mixtures, self._defended(fits))
-            parameters = self._described(elite_u, weights, part)
-            step = 1.0
-        else:
-            mixtures = (*mixtures, mixtures[-1])
-        k = state.iteration + 1
-        over = (
-            k >= o.most_iterations(self.base.dim)
-            or (reached_at >= 0 and k > reached_at + o.refinements)
-            or (reached_at < 0 and k > improved_at + PATIENCE)
+        # All that may be an elite, from which the lowest level is chosen that enough of them, by weight, are below.
+        top = (
+            state.level
+            if state.level < math.inf
+            else (quantile if quantile < math.inf else _largest_finite(f))
         )
+        new = ok[f[ok] <= max(top, self.gamma)]
+        older = state.elite_f.size
+        pool_f = np.concatenate([state.elite_f, f[new]])
+        pool_u = np.concatenate([state.elite_u, u[new]])
+        pool_log_w = -_mean_log_ratio(state.mixtures, pool_u)
+        level = self._lowered(pool_f, pool_log_w, max(top, self.gamma))
+        kept = np.flatnonzero(pool_f <= level)
+        if kept.size > MOST_ELITES:
+            source = generator(state.seed, _FIT_KIND, "train", state.iteration, 2)
+            kept = np.sort(source.permutation(kept)[:MOST_ELITES])
+        older, new = int(np.count_nonzero(kept < older)), new[kept[kept >= older] - older]
+        elite_u, elite_f, log_w = pool_u[kept], pool_f[kept], pool_log_w[kept]
         current = state.mixtures[-1]
-        record = TrainingRecord(
-            iteration=state.iteration,
-            rollouts=f.size,
-            gamma_k=level,
-            quantile=quantile,
+        ratio = log_ratio(current, u)
+        fits_made = len(state.mixtures)
+        reached = state.reached_at >= 0 or level <= self.gamma
+        worths = state.worths
+        if reached:
+            worths = (*worths, effective_sample_size(-ratio[f <= self.gamma]) / f.size)
+        improved = quantile < state.least_quantile
+        after = msgspec.structs.replace(
+            state,
+            iteration=state.iteration + 1,
+            level=level,
+            least_quantile=quantile if improved else state.least_quantile,
+            reached_at=fits_made if reached and state.reached_at < 0 else state.reached_at,
+            improved_at=fits_made if improved else state.improved_at,
+            elite_u=elite_u,
+            elite_f=elite_f,
+            worths=worths,
+            failed=_with_failures(state, f),
+            base_f=f if state.iteration == 0 else state.base_f,
+        )
+        fitted = elite_f.size >= 2
+        if fitted:
+            source = generator(state.seed, _FIT_KIND, "train", state.iteration, 0)
+            hints = _hints(current, u, f, older, new)
+            part = fit(elite_u, normalised(log_w), o.components, source, hints)
+            after = self._with_fit(after, (*state.fits, part)[-2:], log_w)
+        else:
+            after = msgspec.structs.replace(after, mixtures=(*state.mixtures, current))
+        record = record_of_search(
+            self.gamma, state, f, level, quantile, float(np.mean(ratio)), summary_of(current)
+        )
+        record = msgspec.structs.replace(
+            record,
             elites=int(elite_f.size),
             ess=effective_sample_size(log_w),
             max_weight_share=max_share(log_w),
-            events=int(np.count_nonzero(f <= self.gamma)),
-            infinite=int(np.count_nonzero(f == math.inf)),
-            failed=int(f.size - ok.size),
-            step=step,
-            kl=float(np.mean(log_ratio(current, u))),
-            summary=_summary(current),
+            step=1.0 if fitted else 0.0,
         )
-        limit = o.budget - k * self._iteration_size
+        return self._next_phase(msgspec.structs.replace(after, records=(*state.records, record))), record
+
+    def _lowered(self, f: Array, log_w: Array, top: float) -> float:
+        """The lowest level, from gamma to `top`, below which the values f (n,) are worth enough for a fit; gamma
+        itself where the events are worth ENOUGH_TO_JUMP, which in many dimensions is not enough for a fit."""
+        all_elites = self.options.rho * self._iteration_size
+        needed = min(all_elites, max(LEAST_ELITES, min(0.6 * all_elites, ENOUGH_ELITES)))
+        jump = min(needed, ENOUGH_TO_JUMP) if self.base.dim <= MANY else needed
+        if effective_sample_size(log_w[f <= self.gamma]) >= jump:
+            return self.gamma
+        order = np.argsort(f)
+        w = np.exp(log_w[order] - np.max(log_w, initial=-math.inf))
+        with np.errstate(invalid="ignore"):
+            worth = np.cumsum(w) ** 2 / np.cumsum(w * w)
+        enough = np.flatnonzero(worth >= needed * (1.0 - 1e-9))
+        if enough.size == 0 or (first := f[order[enough[0]]]) > top:
+            return top
+        return max(float(first), self.gamma)
+
+    def _with_fit(self, state: MixtureState, fits: tuple[Part, ...], log_w: Array) -> MixtureState:
+        """The state with a proposal made of the last fits, what the look found, and the base."""
+        o = self.options
+        poor = effective_sample_size(log_w) < LEAST_ELITES
+        share = FOUND_FIRST if state.phase == "look" or poor else FOUND_SHARE
+        parts = []
+        if len(fits) > 1 and o.ladder_share:
+            parts.append(msgspec.structs.replace(fits[-2], weight=o.ladder_share))
+        if state.found is not None:
+            parts.append(msgspec.structs.replace(state.found, weight=share))
+        rest = 1.0 - o.base_share - sum(part.weight for part in parts)
+        mixture = Mixture(o.base_share, (msgspec.structs.replace(fits[-1], weight=rest), *parts))
+        return msgspec.structs.replace(
+            state,
+            fits=fits,
+            mixtures=(*state.mixtures, mixture),
+            parameters=described(self.base, state.elite_u, normalised(log_w), fits[-1]),
+        )
+
+    def _next_phase(self, state: MixtureState) -> MixtureState:
+        """After an iteration of the search: more of it, the look, or the fresh sample."""
+        o = self.options
+        made, most = len(state.mixtures) - 1, o.most_iterations(self.base.dim)
+        reached = state.reached_at >= 0
+        hot, _ = o.look_sizes()
+        missed = state.look is not None and state.look.f.size == 0 and state.look.bound > self.gamma
+        slow = made >= most // 2 or made > state.improved_at + PATIENCE
+        early = state.look is None and slow and self.base.dim <= MANY
+        if hot and (early or (reached and (state.look is None or missed))):
+            begun = look.begun(self.base.dim, self.gamma if reached else math.inf)
+            return msgspec.structs.replace(state, phase="look", look=begun)
+        limit = o.budget - sum(record.rollouts for record in state.records)
+        refined = made - max(state.reached_at, 1)
+        over = made >= most or (not reached and made > state.improved_at + PATIENCE)
+        if reached and refined >= o.refinements:
+            before, last = state.worths[-2:] if len(state.worths) > 1 else (0.0, state.worths[-1])
+            # Half of the last gain again, for what one more iteration takes from the fresh sample.
+            over = over or (last + 0.5 * (last - before)) * (limit - self._iteration_size) <= last * limit
+        if not over:
+            return state
+        return msgspec.structs.replace(
+            state,
+            phase="estimate",
+            iteration=0,
+            elite_u=state.elite_u[:0],
+            coverage=self._coverage(state),
+            look=None,
+            look_at=first_look(o.rel_error, limit, o.batch_size),
+        )
+
+    # -- the look --------------------------------------------------------------------------------------------
+
+    def _look_step(
+        self, state: MixtureState, u: Array, noise: NDArray[np.uint64], f: Array
+    ) -> tuple[MixtureState, TrainingRecord]:
+        assert state.look is not None
+        wanted = self.options.look_sizes()[1]
+        seen = look.answered(state.look, u, noise, f, self.gamma, wanted, state.seed, state.iteration)
+        summary = {"look": float(state.look.step), "chains": float(seen.f.size)}
+        quantile = order_statistic(f[~np.isnan(f)], self.options.rho)
+        record = record_of_search(self.gamma, state, f, state.level, quantile, 0.0, summary)
         after = msgspec.structs.replace(
             state,
-            phase="estimate" if over else "train",
-            iteration=0 if over else k,
-            mixtures=mixtures,
-            fits=fits[-2:],
-            parameters=parameters,
-            level=level,
-            least_quantile=min(state.least_quantile, quantile)
-            if quantile == quantile
-            else state.least_quantile,
-            reached_at=reached_at,
-            improved_at=improved_at,
-            elite_u=elite_u[:0] if over else elite_u,
-            elite_f=elite_f,
+            iteration=state.iteration + 1,
+            look=seen,
+            failed=_with_failures(state, f),
             records=(*state.records, record),
-            failed=state.failed + tuple((state.iteration, int(i)) for i in np.flatnonzero(np.isnan(f))),
-            base_f=f if state.iteration == 0 else state.base_f,
-            look_at=(limit if o.rel_error is None else min(o.batch_size, limit)) if over else 0,
         )
+        if not seen.over:
+            return after, record
+        after = msgspec.structs.replace(after, phase="train")
+        if seen.seen.shape[0] < look.KEPT_MOVES * LEAST_STATES:
+            return after, record
+        source = generator(state.seed, _FIT_KIND, "train", state.iteration, 1)
+        chains = np.tile(np.arange(seen.f.size), look.KEPT_MOVES)
+        part = fit_clusters(seen.seen, chains, self.options.components, source, look.WORTH * seen.f.size)
+        after = msgspec.structs.replace(after, found=part)
+        if state.fits:
+            log_w = -_mean_log_ratio(state.mixtures[:-1], state.elite_u)
+            after = self._with_fit(after, state.fits, log_w)
+            after = msgspec.structs.replace(after, mixtures=(*state.mixtures[:-1], after.mixtures[-1]))
+        else:
+            mixture = Mixture(1.0 - FOUND_SHARE, (msgspec.structs.replace(part, weight=FOUND_SHARE),))
+            after = msgspec.structs.replace(after, mixtures=(*state.mixtures[:-1], mixture))
         return after, record
 
-    def _defended(self, fits: tuple[Part, ...]) -> Mixture:
-        """The fits so far with the base beside them."""
-        o = self.options
-        ladder = o.ladder_share if len(fits) > 1 else 0.0
-        parts = [msgspec.structs.replace(fits[-1], weight=1.0 - o.base_share - ladder)]
-        if ladder:
-            parts.append(msgspec.structs.replace(fits[-2], weight=ladder))
-        return Mixture(o.base_share, tuple(parts))
+    def _coverage(self, state: MixtureState) -> float:
+        """Share of the look's states that the last fits cover, what the look found left out; 1 where the elites that
+        they do not cover carry less than LEAST_MASS of the event."""
+        if state.look is None or not state.look.seen.size:
+            return math.nan
+        last = state.mixtures[-1]
+        if state.found is not None:
+            last = Mixture(last.base_share, last.parts[:-1])
+        elite_log_w = -_mean_log_ratio(state.mixtures[:-1], state.elite_u)
+        missed = look.uncovered(-log_ratio(last, state.elite_u), elite_log_w)
+        if float(normalised(elite_log_w)[missed].sum()) < LEAST_MASS:
+            return 1.0
+        return 1.0 - float(np.mean(look.uncovered(-log_ratio(last, state.look.seen), elite_log_w)))
 
-    def _described(self, u: Array, weights: Array, part: Part) -> Array:
-        """Parameters of the base's family nearest to the elites: Betas fitted to them, means as the part has them."""
-        base = self.base
-        x = from_standard(base, u)
-        log_u, log_v = base.betas.statistics(x[:, base.beta_columns])
-        target = np.stack([weights @ log_u, weights @ log_v])
-        own = np.stack([base.betas.alpha, base.betas.beta])
-        betas = beta_update.update(own, target, np.minimum(own, 0.2), np.maximum(own, 50.0))
-        shift = part.basis @ (part.shares @ part.means)
-        means = [
-            block.mean + block.factor @ shift[start : start + block.dim] for start, block in base.normals
-        ]
-        others = [marginal.shift + shift[column] for column, marginal in base.marginals]
-        return np.concatenate([betas[0], betas[1], *means, others])
+    # -- what an importance sampler has to say -----------------------------------------------------------------
 
-    def _estimation_step(self, state: MixtureState, f: Array) -> tuple[MixtureState, EstimationRecord]:
-        o = self.options
-        log_w = -log_ratio(state.mixtures[-1], self._standard(state))
-        after = msgspec.structs.replace(
-            state, f=np.concatenate([state.f, f]), log_weights=np.concatenate([state.log_weights, log_w])
-        )
-        est = self.estimate(after)
-        if after.f.size >= state.look_at:
-            limit = o.budget - sum(record.rollouts for record in state.records)
-            look_at, done = next_look(est, after.f.size, limit, o.batch_size)
-            after = msgspec.structs.replace(after, look_at=look_at, phase="done" if done else "estimate")
-        return after, record_of(est)
+    def _sampled(self, state: MixtureState) -> Product:
+        return self.proposal(state)
+
+    def _estimation_limit(self, state: MixtureState) -> int:
+        return self.options.budget - sum(record.rollouts for record in state.records)
+
+    def _extra(self, state: MixtureState) -> dict[str, Any]:
+        return {"mode_coverage": state.coverage}
 
     def _search_conditions(self, state: MixtureState) -> list[Condition]:
-        found: list[Condition] = []
-        if state.phase == "train" or not state.records:
-            return found
-        if state.reached_at < 0:
-            found.append(
-                Condition(
-                    "threshold-not-reached",
-                    f"the lowest {self.options.rho:g}-quantile of f in the search was "
-                    f"{state.least_quantile:.4g}, above gamma = {self.gamma:g}: the proposal makes the event rarer "
-                    "than rho",
-                    "a larger budget, or method splitting",
-                )
-            )
-        elites = math.ceil(self.options.rho * self._iteration_size)
-        if elites < LEAST_ELITES:
-            found.append(
-                Condition(
-                    "small-search",
-                    f"the search fits {elites} elites an iteration (fewer than {LEAST_ELITES}): a part of the event "
-                    "may have been missed without a sign",
-                    "a larger budget or samples_per_iteration, or compare with method splitting",
-                )
-            )
-        starved = [r.iteration for r in state.records if not r.quantile < math.inf]
-        if starved:
-            found.append(
-                Condition(
-                    "quantile-infinite",
-                    f"in {len(starved)} iterations (first: {starved[0]}) fewer than rho N rollouts had a finite f: "
-                    "the search went by the few finite ones",
-                    "more samples an iteration, a larger rho, or a measure f that is finite more often",
-                )
-            )
-        return found
+        return search_conditions(state, self.gamma, self.options.rho, self._iteration_size)
+
+
+def _hints(mixture: Mixture, u: Array, f: Array, older: int, new: NDArray[np.intp]) -> list[Direction]:
+    """Where f falls, around each component of the mixture that u (n, d) was drawn from and has enough rows for it, and
+    over all; for the elites, which are `older` ones before the rows `new`. Surest first."""
+    if u.shape[1] <= LARGEST_FREE:
+        return []
+    label = nearest(mixture, u)
+    groups = [np.arange(u.shape[0])]
+    groups += [np.flatnonzero(label == j) for j in range(label.max() + 1)] if label.max() > 0 else []
+    found = []
+    for rows in groups:
+        direction = downhill(u[rows], f[rows])
+        if direction is None:
+            continue
+        own = np.zeros(u.shape[0])
+        own[rows] = direction.own
+        own = np.concatenate([np.zeros(older), own[new]])
+        found.append(Direction(direction.vector, own, direction.cosine2))
+    return sorted(found, key=lambda hint: -hint.cosine2)[:MOST_HINTS]
+
+
+def _with_failures(state: MixtureState, f: Array) -> tuple[tuple[int, int], ...]:
+    return state.failed + tuple((state.iteration, int(i)) for i in np.flatnonzero(np.isnan(f)))
 
 
 def _largest_finite(f: Array) -> float:
@@ -362,16 +392,3 @@ def _mean_log_ratio(mixtures: tuple[Mixture, ...], u: Array) -> Array:
         ratio = log_ratio(mixture, u)
         total = ratio if count == 0 else np.logaddexp(total, ratio)
     return total - math.log(len(mixtures))
-
-
-def _summary(mixture: Mixture) -> dict[str, float]:
-    """The sampled mixture in a few numbers."""
-    if not mixture.parts:
-        return {"components": 0.0, "directions": 0.0, "scale": 1.0, "shift_norm_max": 0.0}
-    part = mixture.parts[0]
-    return {
-        "components": float(part.shares.size),
-        "directions": float(part.basis.shape[1]),
-        "scale": part.scale,
-        "shift_norm_max": float(np.sqrt(np.sum(part.means**2, axis=1)).max()),
-    }

@@ -6,6 +6,7 @@ p = (1/n) sum 1{f(X_i) <= gamma}, X_i iid from P0 (paper, section 2).
 import math
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -15,7 +16,7 @@ from ce.posed import Posed
 from ce.product import Product
 from ce.results import Estimate, FailedRollout
 from ce.state import Batch, EstimationRecord, NaiveState
-from ce.stopping import next_look
+from ce.stopping import counted, first_look, next_look, spending
 from ce.streams import checked_seed, draw
 
 LEAST_BUDGET = 1
@@ -58,7 +59,7 @@ class Naive(Posed):
     def init(self, seed: int = 0) -> NaiveState:
         """The state before any rollout."""
         o = self.options
-        look_at = o.budget if o.rel_error is None else min(o.batch_size, o.budget)
+        look_at = first_look(o.rel_error, o.budget, o.batch_size)
         return NaiveState(self.digest, checked_seed(seed), np.zeros(0), look_at, False)
 
     def propose(self, state: NaiveState) -> Batch | None:
@@ -74,23 +75,25 @@ class Naive(Posed):
         """The state after the batch was answered with f (n,), and a record of where the estimate stands."""
         checked_turn(batch, state.seed, "estimate", 0, state.f.size)
         joined = np.concatenate([state.f, checked_response(batch, f)])
-        after = NaiveState(state.digest, state.seed, joined, state.look_at, False)
+        after = msgspec.structs.replace(state, f=joined)
         est = self.estimate(after)
         if joined.size >= state.look_at:
-            o = self.options
-            look_at, done = next_look(est, joined.size, o.budget, o.batch_size)
-            after = NaiveState(state.digest, state.seed, joined, look_at, done)
+            plan = next_look(est, joined.size, self.options.budget, state.trial, state.looks)
+            after = msgspec.structs.replace(
+                after, look_at=plan.look_at, trial=plan.trial, looks=plan.looks, done=plan.done
+            )
         return after, record_of(est)
 
     def estimate(self, state: NaiveState) -> Estimate:
         """The estimate so far; p is NaN before the first batch."""
+        first = counted(state.f.size, state.look_at, state.trial)
         return Estimate(
             gamma=self.gamma,
             method="naive",
             confidence=self.options.confidence,
             rollouts=state.f.size,
-            training_rollouts=0,
-            f=state.f,
+            training_rollouts=first,
+            f=state.f[first:],
             log_weights=None,
             proposal=self.base,
             finished=state.done,
@@ -99,6 +102,7 @@ class Naive(Posed):
             failed_rollouts=tuple(
                 FailedRollout("estimate", 0, int(i)) for i in np.flatnonzero(np.isnan(state.f))
             ),
+            spending=spending(state.looks, state.done) if first else 1.0,
         )
 
     def proposal(self, state: NaiveState) -> Product:

@@ -80,7 +80,7 @@ class ReplicatedEstimate(Estimate):
         values, counts = self._values(gammas)
         p = values.mean(axis=0)
         std_error = values.std(axis=0, ddof=1) / math.sqrt(runs)
-        t = float(stdtrit(runs - 1, 0.5 + 0.5 * self.confidence))
+        t = float(stdtrit(runs - 1, 0.5 + 0.5 * self._sure))
         some = p > 0
         relative = np.where(some, std_error / np.where(some, p, 1.0), 0.0)
         low, high = p * np.exp(-t * relative), np.minimum(p * np.exp(t * relative), 1.0)
@@ -96,7 +96,7 @@ class ReplicatedEstimate(Estimate):
         weights = self._weights
         last = weights == weights.min()
         independent = max(int(np.count_nonzero(last)) // 10, 1)
-        _, high = clopper_pearson(0, independent, self.confidence)
+        _, high = clopper_pearson(0, independent, self._sure)
         return float(min(1.0, high * weights[last].sum() / self._replications * 2.0))
 
     def trace(self, points: int = 100) -> Trace:

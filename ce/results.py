@@ -15,9 +15,15 @@ from ce.product import Product
 Array = NDArray[np.float64]
 
 FEW_EVENTS = 30.0  # effective events below which an importance-sampling standard error is not to be relied on
-HEAVY_TAIL = 0.7  # Pareto k of the events' weights above which the estimate is not to be relied on
+HEAVY_TAIL = 0.7  # Pareto k of many events' weights above which the estimate is not to be relied on
 ENOUGH_EVENTS = 300.0  # effective events from which a heavy tail alone no longer widens the interval
 DOMINANT_SHARE = 0.1  # share of one event's weight in the estimate above which it is said so
+
+
+def heaviest_tail(ess: float) -> float:
+    """Pareto k of the weights of events worth `ess` above which the estimate is not to be relied on (Vehtari, Simpson,
+    Gelman, Yao and Gabry, JMLR 25, 2024, for a sample of that size): 0.5 for 100, HEAVY_TAIL from 2,200 on."""
+    return min(1.0 - 1.0 / math.log10(ess), HEAVY_TAIL) if ess > 10.0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -97,6 +103,12 @@ class Estimate:
     search_warnings: tuple[Condition, ...] = ()
     base_f: Array = field(default_factory=lambda: np.zeros(0), repr=False)
     seed: int | None = None  # of naive Monte Carlo, whose draws it decides
+    spending: float = (
+        1.0  # share of 1 - confidence that the interval may miss, where a run may stop at several looks
+    )
+    mode_coverage: float = (
+        math.nan
+    )  # share of the event as looked for apart that the proposal covers; NaN: no look
 
     def __str__(self) -> str:
         low, high = self.ci
@@ -107,6 +119,11 @@ class Estimate:
         )
 
     # -- the estimate ----------------------------------------------------------------------------------------
+
+    @property
+    def _sure(self) -> float:
+        """Confidence of this look's interval by itself."""
+        return 1.0 - (1.0 - self.confidence) * self.spending
 
     @property
     def estimation_rollouts(self) -> int:
@@ -155,7 +172,7 @@ class Estimate:
     @property
     def relative_half_width(self) -> float:
         """z std_error / p; infinite without events."""
-        z = float(ndtri(0.5 + 0.5 * self.confidence))
+        z = float(ndtri(0.5 + 0.5 * self._sure))
         return z * self.std_error / self.p if self.p > 0 else math.inf
 
     @property
@@ -273,21 +290,21 @@ class Estimate:
         p = sums / n
         if self.log_weights is None:
             std_error = np.sqrt(p * (1.0 - p) / n)
-            low, _ = clopper_pearson(counts, n, self.confidence)
-            _, high = clopper_pearson(counts + w_failed.size, n, self.confidence)
+            low, _ = clopper_pearson(counts, n, self._sure)
+            _, high = clopper_pearson(counts + w_failed.size, n, self._sure)
             return p, std_error, low, high
 
         def variance(sums, squares):
             return np.maximum(squares / n - (sums / n) ** 2, 0.0) / max(n - 1, 1)
 
         std_error = np.sqrt(variance(sums, squares))
-        low, _ = weighted_gamma(p, std_error**2, largest / n, self.confidence)
+        low, _ = weighted_gamma(p, std_error**2, largest / n, self._sure)
         upper_sums, upper_squares = sums + w_failed.sum(), squares + np.sum(w_failed**2)
         upper_largest = np.maximum(largest, np.max(w_failed, initial=0.0))
         # No event at all: what one would weigh is unknown; the largest weight met stands in for it.
         upper_largest = np.where(upper_largest > 0, upper_largest, any_largest)
         _, high = weighted_gamma(
-            upper_sums / n, variance(upper_sums, upper_squares), upper_largest / n, self.confidence
+            upper_sums / n, variance(upper_sums, upper_squares), upper_largest / n, self._sure
         )
         shaky = (
             (counts == 0)
@@ -297,8 +314,8 @@ class Estimate:
         if self.base_f.size and np.any(shaky):
             k = np.searchsorted(self._sorted_base_f, gammas, side="right")
             k_failed = self.base_f.size - self._sorted_base_f.size
-            base_low, _ = clopper_pearson(k, self.base_f.size, self.confidence)
-            _, base_high = clopper_pearson(k + k_failed, self.base_f.size, self.confidence)
+            base_low, _ = clopper_pearson(k, self.base_f.size, self._sure)
+            _, base_high = clopper_pearson(k + k_failed, self.base_f.size, self._sure)
             low = np.where(shaky, np.minimum(low, base_low), low)
             high = np.where(shaky, np.maximum(high, base_high), high)
         return p, std_error, low, high
@@ -352,11 +369,12 @@ def _conditions(est: Estimate) -> list[Condition]:
                 "naive Monte Carlo",
             )
         )
-    if est.pareto_k > HEAVY_TAIL:
+    heaviest = heaviest_tail(est.ess)
+    if est.pareto_k > heaviest:
         found.append(
             Condition(
                 "heavy-tailed-weights",
-                f"Pareto k of the events' weights is {est.pareto_k:.2f} (above {HEAVY_TAIL:g}): "
+                f"Pareto k of the events' weights is {est.pareto_k:.2f} (above {heaviest:.2f}): "
                 "events of large weight "
                 "are probably missing from the sample, so p tends to be too low and std_error too small",
                 "limit the proposal (max_kl, mean_box), give the search more samples, or use naive "

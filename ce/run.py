@@ -76,11 +76,18 @@ def estimate(
     bits. options: replaces budget, rel_error and confidence by the method's own options. Raises CeError for
     wrong use; what f raises passes through.
     """
-    if options is None and method == "ce":
-        options = general_options(budget, rel_error, confidence)
-    elif options is None and method in OPTIONS:
-        options = OPTIONS[method](budget=budget, rel_error=rel_error, confidence=confidence)
+    if options is None:
+        options = options_for(method, budget, rel_error, confidence)
     return _run(f, algorithm(method, base, gamma, options), seed)
+
+
+def options_for(method: str, budget: int, rel_error: float | None, confidence: float) -> Options:
+    """A method's options where nothing else is known."""
+    if method == "ce":
+        return general_options(budget, rel_error, confidence)
+    if method not in OPTIONS:
+        raise OptionsError(f"method must be one of {', '.join(METHODS)}, not {method!r}")
+    return OPTIONS[method](budget=budget, rel_error=rel_error, confidence=confidence)
 
 
 def _run(f, chosen: Algorithm, seed: int) -> Estimate:

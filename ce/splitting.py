@@ -36,6 +36,9 @@ from ce.weights import order_statistic
 Array = NDArray[np.float64]
 
 LEAST_BUDGET = 1000
+LARGEST_PILOT = 5000  # samples of a level in the pilot
+LARGEST_RUN = 10_000  # samples of a level in a replication, above which there are more replications instead
+TOGETHER = 20_000  # samples of a level that are held at a time: as many replications side by side
 ACCEPTANCE = 0.44  # aimed at by the pilot
 _MOVE_KIND = 0x73706C69
 
@@ -46,7 +49,8 @@ class SplittingOptions:
 
     budget: rollouts at most, pilot included; p0: conditional probability of a level; chain: states of a chain,
     its seed included; replications: independent runs; pilot_share: of the budget, for the pilot at most;
-    rel_error: relative half-width to stop at, looked at after each of GROUPS groups of replications.
+    rel_error: relative half-width to stop at, looked at after half of the replications and after all; each of the two
+    looks has half of 1 - confidence (union bound), so that the interval holds whichever of them ends the run.
     """
 
     budget: int = 100_000
@@ -74,11 +78,11 @@ class SplittingOptions:
     @property
     def pilot_size(self) -> int:
         """Samples of a level in the pilot: a multiple of chain."""
-        return max(self.budget // 50 // self.chain, 10) * self.chain
+        return min(max(self.budget // 50 // self.chain, 10), LARGEST_PILOT // self.chain) * self.chain
 
     @property
-    def groups(self) -> int:
-        """Groups that the replications are run in, one look at the precision after each."""
+    def looks(self) -> int:
+        """At the precision: after half of the replications and after all, or after all only."""
         return 1 if self.rel_error is None else 2
 
 
@@ -108,6 +112,8 @@ class Splitting(Posed):
             rollouts=0,
             training_rollouts=0,
             size=self.options.pilot_size,
+            replications=self.options.replications,
+            side_by_side=1,
             group=0,
             level=0,
             position=0,
@@ -209,6 +215,7 @@ class Splitting(Posed):
             search_warnings=tuple(self._conditions(state)),
             base_f=state.base_f,
             replication=state.replication,
+            spending=1.0 / self.options.looks,
         )
 
     def proposal(self, state: SplittingState) -> Product:
@@ -218,7 +225,8 @@ class Splitting(Posed):
     # -- moves -----------------------------------------------------------------------------------------------
 
     def _runs(self, state: SplittingState) -> int:
-        return 1 if state.phase == "pilot" else self.options.replications // self.options.groups
+        """Replications side by side."""
+        return 1 if state.phase == "pilot" else state.side_by_side
 
     def _moved(self, state: SplittingState) -> tuple[Array, NDArray[np.uint64], Array]:
         """u and noise of the batch, and the step sizes used; a function of the state alone."""
@@ -296,9 +304,20 @@ class Splitting(Posed):
         """Replications of equal size that fill the budget that the pilot has left."""
         o = self.options
         moves = (1.0 - 1.0 / o.chain) * (state.levels.size - 1)
-        each = int((o.budget - state.rollouts) / o.replications / (1.0 + moves)) // o.chain * o.chain
+        total = (o.budget - state.rollouts) / (1.0 + moves)
+        replications = o.replications * max(math.ceil(total / o.replications / LARGEST_RUN), 1)
+        each = int(total / replications) // o.chain * o.chain
+        size = max(each, o.chain)
+        most = max(TOGETHER // size, 1)
+        fitting = [
+            k for k in range(1, replications // o.looks + 1) if replications // o.looks % k == 0 and k <= most
+        ]
         state = msgspec.structs.replace(
-            state, size=max(each, o.chain), phase="run" if each >= o.chain else "done"
+            state,
+            size=size,
+            replications=replications,
+            side_by_side=max(fitting),
+            phase="run" if each >= o.chain else "done",
         )
         return self._cleared(state)
 
@@ -323,7 +342,9 @@ class Splitting(Posed):
         if state.level == state.levels.size - 1 or state.pool_f.size == 0:
             group = state.group + 1
             est = self.estimate(state)
-            done = group == o.groups or (est.rel_error is not None and est.converged)
+            made = group * state.side_by_side
+            at_look = o.looks > 1 and made == state.replications // 2
+            done = made + state.side_by_side > state.replications or (at_look and est.converged)
             after = msgspec.structs.replace(state, group=group, phase="done" if done else "run")
             return self._cleared(after)
         # What lies above the next level keeps its weight; what lies below is handed on to the next level's sample.

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from ce.beta import Beta
 from ce.errors import StateError
 from ce.gaussian_mixture import Mixture, Part
+from ce.look import Look
 from ce.normal import Normal
 from ce.product import Product
 
-FORMAT = 1
+FORMAT = 2
 
 
 class Batch(msgspec.Struct, frozen=True, eq=False):
@@ -91,6 +92,8 @@ class NaiveState(msgspec.Struct, frozen=True, eq=False):
     f: NDArray[np.float64]
     look_at: int
     done: bool
+    trial: int = 0  # rollouts at the beginning that only plan the others (`ce.stopping`)
+    looks: int = 0
     method: str = "naive"
     format: int = FORMAT
 
@@ -113,34 +116,42 @@ class CrossEntropyState(msgspec.Struct, frozen=True, eq=False):
     log_weights: NDArray[np.float64]
     base_f: NDArray[np.float64]  # f of the first iteration, whose rollouts come from the base itself
     look_at: int
+    trial: int = 0  # rollouts at the beginning of the fresh sample that only plan the others (`ce.stopping`)
+    looks: int = 0
     method: str = "ce"
     format: int = FORMAT
 
 
 class MixtureState(msgspec.Struct, frozen=True, eq=False):
-    """Mixture sampling: the proposals so far, the last two fits, the elites in standard-normal space, the records,
-    then the estimation rollouts' f and log w.
+    """Mixture sampling: the proposals so far, the last two fits, the elites in standard-normal space, the look for what
+    they miss and what it has found, the records, then the estimation rollouts' f and log w.
     """
 
     digest: str
     seed: int
-    phase: str  # "train", "estimate" or "done"
-    iteration: int
+    phase: str  # "train", "look", "estimate" or "done"
+    iteration: int  # batches of the search answered, those of the look among them
     mixtures: tuple[Mixture, ...]
     fits: tuple[Part, ...]
     parameters: NDArray[np.float64]
     level: float
     least_quantile: float
-    reached_at: int  # iteration whose rho-quantile was first an event, -1 for none
+    reached_at: int  # fit whose rho-quantile was first an event, -1 for none
     improved_at: int
     elite_u: NDArray[np.float64]
     elite_f: NDArray[np.float64]
+    look: Look | None
+    found: Part | None  # where the look has met events that no proposal covered
+    coverage: float  # of the look's states by the last proposal; NaN: no look
+    worths: tuple[float, ...]  # effective events a rollout of each batch since the threshold was reached
     records: tuple[TrainingRecord, ...]
     failed: tuple[tuple[int, int], ...]
     f: NDArray[np.float64]
     log_weights: NDArray[np.float64]
     base_f: NDArray[np.float64]
     look_at: int
+    trial: int = 0
+    looks: int = 0
     method: str = "mixture"
     format: int = FORMAT
 
@@ -158,6 +169,8 @@ class SplittingState(msgspec.Struct, frozen=True, eq=False):
     rollouts: int
     training_rollouts: int
     size: int  # samples of a level in a run
+    replications: int
+    side_by_side: int  # replications of a group
     group: int
     level: int
     position: int  # states of the present chains

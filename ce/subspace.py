@@ -2,8 +2,9 @@
 
 A weighted mean of n_eff samples is off by 1/sqrt(n_eff) in every coordinate, and its noise adds up over the
 coordinates: moving all of d means wastes d / (2 n_eff) nats. So only what stands out of that noise is moved:
-- coordinates whose mean or variance is beyond what the largest of d noisy ones would be, if they are few;
-- of the rest, the direction of its mean, where the length is beyond noise (Rubinstein's update, confined to
+- coordinates whose mean or variance is beyond what the largest of d noisy ones would be, if they are few of all;
+- of the rest, the directions in which f falls by regression (`ce.regression`), where any are given;
+- of what is left, the direction of its mean, where the length is beyond noise (Rubinstein's update, confined to
   where El Masri, Morio and Simatos, Reliability Engineering & System Safety 216, 2021, show it to be optimal);
 - of the rest, principal directions whose variance leaves the Marchenko-Pastur interval.
 
@@ -13,10 +14,13 @@ for the mean is the James-Stein shrinkage.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ce.regression import Direction
 
 Array = NDArray[np.float64]
 
@@ -25,6 +29,7 @@ MOST_COORDINATES = 40  # significant coordinates above which directions are used
 MOST_DIRECTIONS = 5
 LARGEST_PCA = 1000
 LEAST_SUPPORT = 30  # effective number of samples that make up a direction's variance
+LEAST_HINT = 0.1  # share of a hint's squared length outside the kept coordinates from which it is of use
 _MARGIN = 1.15  # beyond the Marchenko-Pastur edge
 
 
@@ -38,10 +43,14 @@ class Subspace:
     scale: float
 
 
-def find(u: Array, w: Array) -> Subspace:
-    """The subspace for samples u (n, d) with weights w (n,) that sum to one."""
+def find(u: Array, w: Array, hints: Sequence[Direction] = (), worth: float = math.inf) -> Subspace:
+    """The subspace for samples u (n, d) with weights w (n,) that sum to one.
+
+    hints: directions to be kept, best first, each with what it owes to each sample; worth: effective number of samples
+    at most, where they depend on each other.
+    """
     d = u.shape[1]
-    ess = 1.0 / float(np.sum(w * w))
+    ess = min(1.0 / float(np.sum(w * w)), worth)
     if d <= LARGEST_FREE:
         return Subspace(np.eye(d), u, 1.0)
     mean, second = w @ u, w @ (u * u)
@@ -51,14 +60,25 @@ def find(u: Array, w: Array) -> Subspace:
     spread2 = np.sqrt(np.maximum(w2 @ (u * u - 1.0) ** 2, 2.0 / ess))
     z = np.maximum(np.abs(mean) / spread, np.abs(second - 1.0) / spread2)
     kept = np.flatnonzero(z > math.sqrt(2.0 * math.log(2.0 * d)) + 0.3)
-    if kept.size > MOST_COORDINATES:
+    if kept.size > min(MOST_COORDINATES, d // 4):
         kept = kept[:0]
-    rest = np.setdiff1d(np.arange(d), kept)
-    columns, projections = [], []
-    for i in kept:
-        columns.append(np.eye(d)[i])
-        projections.append(u[:, i])
-    left, norm = u[:, rest], rest.size
+    columns = list(np.eye(d)[kept])
+    projections = [u[:, i] for i in kept]
+    left = u.copy()
+    left[:, kept] = 0.0
+    for hint in hints:
+        direction = hint.vector.copy()
+        for column in columns:
+            direction -= (direction @ column) * column
+        size = math.sqrt(float(direction @ direction))
+        if size * size < LEAST_HINT:
+            continue
+        direction /= size
+        along = left @ direction
+        projections.append(along - hint.own / size)
+        columns.append(direction)
+        left = left - np.outer(along, direction)
+    norm = d - len(columns)
     own = w * np.sum(left * left, axis=1)
     centre = w @ left
     length2 = float(centre @ centre)
@@ -66,12 +86,12 @@ def find(u: Array, w: Array) -> Subspace:
         length = math.sqrt(length2)
         direction = centre / length
         projections.append((left @ centre - own) / length)
-        columns.append(_embedded(direction, rest, d))
+        columns.append(direction)
         left = left - np.outer(left @ direction, direction)
         norm -= 1
-    if norm > 1 and rest.size <= LARGEST_PCA:
+    if norm > 1 and d <= LARGEST_PCA:
         for direction, projection in _principal(left, w, ess, norm):
-            columns.append(_embedded(direction, rest, d))
+            columns.append(direction)
             projections.append(projection)
             left = left - np.outer(left @ direction, direction)
             norm -= 1
@@ -83,12 +103,6 @@ def find(u: Array, w: Array) -> Subspace:
     basis = np.stack(columns, axis=1) if columns else np.zeros((d, 0))
     y = np.stack(projections, axis=1) if projections else np.zeros((u.shape[0], 0))
     return Subspace(basis, y, scale)
-
-
-def _embedded(direction: Array, rest: NDArray[np.intp], d: int) -> Array:
-    out = np.zeros(d)
-    out[rest] = direction
-    return out
 
 
 def _principal(left: Array, w: Array, ess: float, norm: int) -> list[tuple[Array, Array]]:

@@ -1,18 +1,28 @@
 """Every method on every problem with a known probability, over many seeds: the table of `ce_calibration.md`.
 
-Run from the repository root: python -m tests.bench.ce_calibration [--seeds 200] [--budget 20000 ...] [--method M ...]
-[--problem WORD ...] [--results FILE] [--table FILE]. An hour or more. Each finished run is a line of the results
-file, and runs that are already there are not done again, so it can be stopped and started at will. Where OpenTURNS
-is installed (`pip install openturns`; not a dependency), its cross-entropy, NAIS and subset sampling are run on the
-same problems with --method ot-ce, ot-nais, ot-subset.
+Run from the repository root: python -m tests.bench.ce_calibration [--seeds 200] [--seeds-large N] [--budget 20000 ...]
+[--method M ...] [--problem WORD ...] [--results FILE] [--table FILE]. Hours in all. Each finished run is a line of the
+results file, and runs that are already there are not done again, so it can be stopped and started at will. A line
+carries a digest of the sources that its method is made of (docstrings, comments and messages apart): lines of an
+earlier version of the algorithm are left out of the table and their runs are made again. --seeds-large: seeds in a
+hundred dimensions and more (as --seeds, if not given).
 
-Columns: calls of f; relative bias and root-mean-square error; share of intervals that hold p, of all runs and of
-those without a warning; share of runs with a warning; efficiency p (1 - p) / (calls mean squared error).
+Where OpenTURNS is installed (`pip install -e '.[peers]'`), its cross-entropy, NAIS and subset sampling are run on the
+same problems with --method ot-ce, ot-nais, ot-subset. Not all of these end: a run has TIME_LIMIT_S seconds and
+CALL_LIMIT times the budget, and after HOPELESS runs in a row that hit a limit or crash the rest is left out.
+
+Columns: runs, and in brackets those that did not end or crashed, which no other column counts; calls of f; relative
+bias and root-mean-square error; share of intervals that hold p, of all runs and of those without a warning; share of
+runs with a warning; efficiency p (1 - p) / (calls mean squared error).
 """
 
 import argparse
+import ast
+import hashlib
 import json
 import math
+import signal
+import sys
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
@@ -21,77 +31,114 @@ from typing import Any
 import numpy as np
 
 import ce
+from ce.run import KINDS
+from tests.bench.ce_peers import OPENTURNS, openturns
 from tests.reference import traffic
 from tests.reference.problems import ALL, Problem
 
 HERE = Path(__file__).parent
 PROBLEMS = (*ALL, Problem("four modes among driver weights", traffic.base(), traffic.f, 0.0, traffic.P))
-OPENTURNS = ("ot-ce", "ot-nais", "ot-subset")
+LARGE = 100  # dimensions
+BLOCK = 10  # seeds after which the next problem has its turn
+TIME_LIMIT_S, CALL_LIMIT, HOPELESS = 60, 20, 3
+
+Key = tuple[str, str, int]
+Runs = dict[Key, list[dict[str, Any]]]
+
+
+def version(method: str) -> str:
+    """Digest of the sources behind a method: the modules of `ce` that its own imports, without docstrings, comments and
+    longer texts."""
+    if method in OPENTURNS:
+        import openturns
+
+        return f"openturns {openturns.__version__}"
+    seen: set[str] = set()
+    todo = [KINDS[method][0].__module__]
+    digest = hashlib.sha256()
+    while todo:
+        name = todo.pop()
+        if name in seen:
+            continue
+        seen.add(name)
+        for node in ast.walk(_source(name)):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "ce":
+                inner = [f"{node.module}.{a.name}" for a in node.names]
+                todo += [m for m in (*inner, node.module) if m in sys.modules and m != "ce"]
+    for name in sorted(seen):
+        tree = _source(name)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
+                node.value = ""
+        digest.update(ast.dump(tree).encode())
+    return digest.hexdigest()[:12]
+
+
+def _source(module: str) -> ast.Module:
+    return ast.parse(Path(str(sys.modules[module].__file__)).read_text())
 
 
 def run(problem: Problem, method: str, budget: int, seed: int) -> dict[str, Any]:
-    """One run as a flat record."""
+    """One run as a flat record; `ended` says why there is no p."""
     if method in OPENTURNS:
-        return openturns(problem, method, budget, seed)
+        return openturns(problem, method, budget, seed, CALL_LIMIT * budget)
     est = ce.estimate(problem.f, problem.base, problem.gamma, method, budget=budget, seed=seed)
     warned = sorted(w.name for w in est.warnings)
     low, high = est.ci
     return {"p": est.p, "low": low, "high": high, "calls": est.rollouts, "warned": warned, "by": est.method}
 
 
-def openturns(problem: Problem, method: str, budget: int, seed: int) -> dict[str, Any]:
-    """The same by OpenTURNS, in standard-normal space, with blocks of a tenth of the budget for each level."""
-    import openturns as ot
+def limited(problem: Problem, method: str, budget: int, seed: int) -> dict[str, Any]:
+    """`run`, ended by the clock or an error of a peer's, which the record then says."""
+    if method not in OPENTURNS:
+        return run(problem, method, budget, seed)
 
-    from ce.standard import from_standard
+    def stop(*_: object) -> None:
+        raise TimeoutError(f"more than {TIME_LIMIT_S} s")
 
-    ot.RandomGenerator.SetSeed(seed)
-    d = problem.base.dim
-    calls = 0
-
-    def f(u: Any) -> Any:
-        nonlocal calls
-        u = np.array(u)
-        calls += u.shape[0]
-        return problem.f(from_standard(problem.base, u)).reshape(-1, 1)
-
-    vector = ot.RandomVector(ot.Normal(d))
-    output = ot.CompositeRandomVector(ot.PythonFunction(d, 1, func_sample=f), vector)
-    event = ot.ThresholdEvent(output, ot.LessOrEqual(), problem.gamma)
-    size = budget // 10
-    if method == "ot-nais":
-        algorithm = ot.NAIS(event, 0.1)
-    elif method == "ot-ce":
-        algorithm = ot.StandardSpaceCrossEntropyImportanceSampling(event, 0.1)
-    else:
-        algorithm = ot.SubsetSampling(event)
-    algorithm.setMaximumOuterSampling(size)
-    algorithm.setBlockSize(1)
-    algorithm.run()
-    result = algorithm.getResult()
-    p, half = result.getProbabilityEstimate(), 0.5 * result.getConfidenceLength(0.95)
-    return {"p": p, "low": p - half, "high": p + half, "calls": calls, "warned": [], "by": method}
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(TIME_LIMIT_S)
+    try:
+        return run(problem, method, budget, seed)
+    except Exception as error:  # whatever a peer raises is a result here
+        return {
+            "p": None,
+            "low": 0.0,
+            "high": 1.0,
+            "calls": 0,
+            "warned": [],
+            "by": method,
+            "ended": repr(error)[:200],
+        }
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def rows(problem: Problem, runs: list[dict[str, Any]]) -> str:
-    p = np.array([r["p"] for r in runs])
-    covered = np.array([r["low"] <= problem.p <= r["high"] for r in runs])
-    warned = np.array([bool(r["warned"]) for r in runs])
-    calls = float(np.mean([r["calls"] for r in runs]))
+    ended = [r for r in runs if r["p"] is not None]
+    count = f"{len(ended)}" + (f" ({len(runs) - len(ended)})" if len(ended) < len(runs) else "")
+    if not ended:
+        return f"{count} | - | - | - | - | - | - | -"
+    p = np.array([r["p"] for r in ended])
+    covered = np.array([r["low"] <= problem.p <= r["high"] for r in ended])
+    warned = np.array([bool(r["warned"]) for r in ended])
+    calls = float(np.mean([r["calls"] for r in ended]))
     mean_square = float(np.mean((p - problem.p) ** 2))
     efficiency = problem.p * (1 - problem.p) / calls / mean_square if mean_square > 0 else math.inf
     calm = f"{covered[~warned].mean():.0%}" if (~warned).any() else "-"
     return (
-        f"{len(runs)} | {calls:,.0f} | {p.mean() / problem.p - 1:+.1%} | {mean_square**0.5 / problem.p:.1%} | "
+        f"{count} | {calls:,.0f} | {p.mean() / problem.p - 1:+.1%} | {mean_square**0.5 / problem.p:.1%} | "
         f"{covered.mean():.0%} | {calm} | {warned.mean():.0%} | {efficiency:.2g}"
     )
 
 
-def table(done: dict[tuple[str, str, int], list[dict[str, Any]]]) -> str:
+def table(done: Runs) -> str:
     lines = [
         "# Calibration of `ce`",
         "",
-        "Written by `make calibration` (`tests/bench/ce_calibration.py`, which explains the columns).",
+        "Written by `make calibration` (`tests/bench/ce_calibration.py`, which explains the columns and goes on where",
+        "it was interrupted: rows with fewer runs than others are not finished). `ot-*`: OpenTURNS by the same script.",
         "",
         "| problem | p | method | budget | runs | calls of f | bias | rmse | covered | covered, no warning | warned "
         "| efficiency |",
@@ -105,14 +152,25 @@ def table(done: dict[tuple[str, str, int], list[dict[str, Any]]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def read(path: Path) -> dict[tuple[str, str, int], list[dict[str, Any]]]:
-    done: dict[tuple[str, str, int], list[dict[str, Any]]] = defaultdict(list)
+def read(path: Path) -> Runs:
+    """The runs of today's versions of the methods."""
+    done: Runs = defaultdict(list)
+    versions: dict[str, str | None] = {}
     for line in path.read_text().splitlines() if path.exists() else ():
         try:
             record = json.loads(line)
         except json.JSONDecodeError:
             continue  # the line being written when the run was stopped
-        done[record["problem"], record["method"], record["budget"]].append(record)
+        method = record["method"]
+        if method not in versions:
+            try:
+                versions[method] = version(method)
+            except (ImportError, KeyError):
+                versions[method] = (
+                    None  # not to be judged here: a peer that is not installed, a method that is gone
+                )
+        if versions[method] in (None, record.get("version")):
+            done[record["problem"], method, record["budget"]].append(record)
     return done
 
 
@@ -126,6 +184,7 @@ def _append(path: Path, line: str) -> None:
 def main(arguments: list[str] | None = None, show: Callable[[str], None] = print) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=200)
+    parser.add_argument("--seeds-large", type=int)
     parser.add_argument("--budget", type=int, nargs="+", default=[20_000])
     parser.add_argument("--method", nargs="+", default=list(ce.METHODS))
     parser.add_argument(
@@ -135,19 +194,27 @@ def main(arguments: list[str] | None = None, show: Callable[[str], None] = print
     parser.add_argument("--table", type=Path, default=HERE / "ce_calibration.md")
     given = parser.parse_args(arguments)
     given.results.parent.mkdir(parents=True, exist_ok=True)
-    for budget in given.budget:
-        for problem in PROBLEMS:
-            if not any(word in problem.name for word in given.problem):
-                continue
-            for method in given.method:
-                had = {r["seed"] for r in read(given.results)[problem.name, method, budget]}
-                for seed in sorted(set(range(given.seeds)) - had):
-                    record = {"problem": problem.name, "method": method, "budget": budget, "seed": seed}
-                    record |= run(problem, method, budget, seed)
-                    _append(given.results, json.dumps(record))
-                runs = read(given.results)[problem.name, method, budget]
-                show(f"{problem.name:32} {method:10} {budget:7} | {rows(problem, runs)}")
-                given.table.write_text(table(read(given.results)))
+    large = given.seeds if given.seeds_large is None else given.seeds_large
+    versions = {method: version(method) for method in given.method}
+    done = read(given.results)
+    todo = [problem for problem in PROBLEMS if any(word in problem.name for word in given.problem)]
+    for first in range(0, max(given.seeds, large), BLOCK):
+        for budget in given.budget:
+            for problem in todo:
+                last = min(first + BLOCK, large if problem.base.dim >= LARGE else given.seeds)
+                for method in given.method:
+                    runs = done[problem.name, method, budget]
+                    had = {r["seed"] for r in runs}
+                    for seed in sorted(set(range(first, last)) - had):
+                        if sum(r["p"] is None for r in runs) >= HOPELESS and runs[-1]["p"] is None:
+                            break
+                        record = {"problem": problem.name, "method": method, "budget": budget, "seed": seed}
+                        record |= {"version": versions[method], **limited(problem, method, budget, seed)}
+                        _append(given.results, json.dumps(record))
+                        runs.append(record)
+                    if runs and last > first:
+                        show(f"{problem.name:32} {method:10} {budget:7} | {rows(problem, runs)}")
+            given.table.write_text(table(read(given.results)))
 
 
 if __name__ == "__main__":

@@ -57,3 +57,30 @@ def test_a_simultaneous_band_holds_the_whole_curve():
         wider += bool(np.all(band.high >= pointwise.high))
     assert held >= 36
     assert wider == 40
+
+
+@pytest.mark.parametrize("method", ["naive", "ce", "mixture"])
+def test_two_systems_share_one_search_and_its_rollouts(method):
+    def a(x):
+        return LINEAR_2.f(x)
+
+    def b(x):
+        return LINEAR_2.f(x) + 0.1 + 0.02 * np.sin(5.0 * x[:, 0])
+
+    gamma = 1.5 if method == "naive" else 0.0
+    beta = 3.5 - gamma
+    est_a, est_b = ce.paired(a, b, LINEAR_2.base, gamma, method, budget=20_000, seed=3)
+    assert est_a.p == pytest.approx(tail(beta), abs=4 * est_a.std_error)
+    assert est_a.rollouts == est_b.rollouts <= 20_000
+    both = ce.compare(est_a, est_b)
+    assert both.paired
+    assert both.difference > 0
+    apart = math.hypot(est_a.std_error, est_b.std_error)
+    assert both.difference_std_error < 0.6 * apart
+    low, high = both.ratio_ci
+    assert low < tail(beta) / tail(beta + 0.1) < high or abs(both.ratio - 1.4) < 0.2
+
+
+def test_systems_cannot_be_paired_by_splitting():
+    with pytest.raises(ce.OptionsError, match="paired"):
+        ce.paired(LINEAR_2.f, LINEAR_2.f, LINEAR_2.base, 0.0, "splitting")

@@ -1,0 +1,68 @@
+"""Parts of an event that the search is led away from are found, and where nothing is to be found it ends."""
+
+import math
+
+import numpy as np
+import pytest
+
+import ce
+from ce import look
+from tests.reference.variants import VARIANTS
+
+KNOWN = {problem.name: problem for problem in VARIANTS}
+
+
+@pytest.mark.parametrize("name", ["misleading", "series 4 unequal d=20", "series 8 modes mixed"])
+def test_every_mode_is_found(name):
+    problem = KNOWN[name]
+    for seed in range(2):
+        est = ce.estimate(problem.f, problem.base, problem.gamma, "mixture", budget=20_000, seed=seed)
+        low, high = est.ci
+        assert 0.8 * low <= problem.p <= 1.25 * high
+        assert est.p == pytest.approx(problem.p, rel=0.3)
+        assert est.mode_coverage > 0.5
+
+
+def test_without_the_look_the_greater_mode_is_missed():
+    problem = KNOWN["misleading"]
+    options = ce.MixtureOptions(budget=20_000, look_share=0)
+    ratios = [
+        ce.estimate(problem.f, problem.base, 0.0, "mixture", options=options, seed=s).p / problem.p
+        for s in range(4)
+    ]
+    assert min(ratios) < 0.1
+
+
+def test_chains_stay_within_the_event_and_cool_down():
+
+    state, chains = look.begun(30, 0.0), 40
+
+    def f(u):
+        return 3.0 - np.abs(u[:, 0])
+
+    iteration = 0
+    while not state.over:
+        u, noise = look.batch(state, 600, 7, iteration)
+        state = look.answered(state, u, noise, f(u), 0.0, chains, 7, iteration)
+        iteration += 1
+    assert iteration == look.MOVES + 1
+    assert np.all(f(state.u) <= 0.0)
+    assert {-1.0, 1.0} == set(np.sign(state.u[:, 0]))
+    begun_at = np.sum(look.batch(look.begun(30, 0.0), 600, 7, 0)[0][:, 1:] ** 2, axis=1)
+    norms = np.sum(state.u[:, 1:] ** 2, axis=1)
+    assert 20.0 < norms.mean() < 0.6 * begun_at.mean()  # of 29 in the base
+    assert state.seen.shape == (look.KEPT_MOVES * chains, 30)
+
+
+@pytest.mark.parametrize("value", [1.0, math.inf, math.nan])
+def test_it_ends_where_there_are_no_events(value):
+    state = look.begun(5, math.inf)
+    u, noise = look.batch(state, 100, 0, 0)
+    state = look.answered(state, u, noise, np.full(100, value), 0.0, 20, 0, 0)
+    assert state.over
+
+
+def test_states_that_no_proposal_reaches_are_told_apart():
+    usual = np.log(np.full(100, 1e-4))
+    states = np.log([1e-4, 1.5e-3, 1e-2, 8.0])
+    np.testing.assert_array_equal(look.uncovered(states, usual), [False, False, True, True])
