@@ -3,6 +3,7 @@ it did not end as it must: in what was asked for, or in an error of the type tha
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 import shutil
@@ -76,9 +77,11 @@ fail_above = 1e-3
 [options.ce]
 rho = 0.1
 """
-KEYS = ("about", "health", "scenarios", "egos", "workers", "jobs", "jobs/{job}", "jobs/{job}/estimate",
-        "jobs/{job}/curve", "jobs/{job}/iterations", "jobs/{job}/events", "jobs/{job}/pause", "jobs/{job}/resume", "schemas/Job", "jobs/x",
-        "jobs/x/estimate", "jobs/x/failures", "jobs/x/rollouts/1", "jobs/x/cancel", "schemas/x")  # fmt: skip
+KEYS = (
+    "about", "health", "scenarios", "egos", "workers", "jobs", "jobs/{job}", "jobs/{job}/estimate", "jobs/{job}/curve",
+    "jobs/{job}/iterations", "jobs/{job}/events", "jobs/{job}/pause", "jobs/{job}/resume", "schemas/Job", "jobs/x",
+    "jobs/x/estimate", "jobs/x/failures", "jobs/x/rollouts/1", "jobs/x/cancel", "schemas/x",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -259,10 +262,8 @@ class Targets:
 
 
 def _message(payload: bytes) -> str:
-    try:
+    with contextlib.suppress(BadMessage):
         decode_reply(payload)
-    except BadMessage:
-        pass
     try:
         message = decode_request(payload)
         if isinstance(message, Answer):
