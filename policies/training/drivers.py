@@ -26,6 +26,7 @@ import numpy as np
 import torch
 from rich.progress import Progress
 
+from policies import layout as O
 from policies.data.recordings import load_recordings
 from policies.data.scenes import summary
 from policies.drivers import save_drivers
@@ -43,6 +44,7 @@ from policies.training.ensemble import describe, head_distribution, refit_head, 
 from policies.training.expert import Expert, evidence, fit, mean_action, noise_sd
 from policies.training.network import (
     ACTION_SCALE,
+    NEVER_SET,
     DriverNet,
     exported,
     input_statistics,
@@ -50,6 +52,8 @@ from policies.training.network import (
     train,
 )
 from policies.training.world import Network, i80_road
+
+FLAGS = (O.LANE_TO_THE_LEFT, O.LANE_TO_THE_RIGHT, O.INCIDENT)  # a lane keeper needs to know none of them
 
 
 @dataclass(frozen=True)
@@ -98,7 +102,9 @@ def main() -> None:
 
         net, aggregated = stages.get(
             "trunk",
-            lambda: train_trunk(arguments, recorded, perturbed, expert, road, visit_rng, train_rng, progress),
+            lambda: train_trunk(
+                arguments, recorded, perturbed, expert, road, visit_rng, train_rng, progress, unused=FLAGS
+            ),
         )
         network = exported(net, aggregated.seen)
         experts, members, shapes, _ = stages.get(
@@ -207,14 +213,15 @@ def mixture(arguments: Arguments, recorded: Rows, perturbed: Rows, aggregated: R
 
 
 def train_trunk(
-    arguments, recorded, perturbed, expert, road, visit_rng, train_rng, progress, *, seconds=60.0, every=12
-):
+    arguments, recorded, perturbed, expert, road, visit_rng, train_rng, progress, *, unused=(NEVER_SET,), seconds=60.0,
+    every=12,
+):  # fmt: skip
     """The network trained on everything, and the aggregated rows: every `every`-th state of rollouts of `seconds`."""
     learn = recorded.where(~recorded.held_out)
     wide = np.concatenate([learn.seen, perturbed.seen])
     settings = {"batch": arguments.batch, "dropout": arguments.dropout, "decay": arguments.decay}
     aggregated = None
-    net = DriverNet(*input_statistics(wide))
+    net = DriverNet(*input_statistics(wide), unused)
     for turn in range(arguments.rounds + 1):
         seen, action, sd, weight = mixture(arguments, recorded, perturbed, aggregated, expert)
         steps = arguments.first_steps if turn == 0 else arguments.round_steps
@@ -225,7 +232,7 @@ def train_trunk(
             new = visited(driven, road, arguments.rollouts, visit_rng, seconds=seconds, every=every)
             aggregated = new if aggregated is None else joined([aggregated, new])
             if turn == 0:  # inputs of the scenario lie outside the recordings' range: standardise for both
-                net = DriverNet(*input_statistics(np.concatenate([wide, new.seen])))
+                net = DriverNet(*input_statistics(np.concatenate([wide, new.seen])), unused)
     seen, action, sd, weight = mixture(arguments, recorded, perturbed, aggregated, expert)
     steps = arguments.final_steps
     train(net, seen, action, sd, weight, steps, train_rng, **settings, progress=progress, label="all rows")

@@ -21,15 +21,17 @@ class DriverNet(nn.Module):
     mean: Tensor
     scale: Tensor
 
-    def __init__(self, mean: np.ndarray, spread: np.ndarray):
+    def __init__(self, mean: np.ndarray, spread: np.ndarray, unused: tuple[int, ...] = (NEVER_SET,)):
+        """mean, spread (51,): of the inputs; unused: inputs that the network does not see."""
         super().__init__()
         self.register_buffer("mean", torch.as_tensor(mean, dtype=torch.float32))
         self.register_buffer("scale", torch.as_tensor(1.0 / spread, dtype=torch.float32))
+        self.scale[list(unused)] = 0.0
         self.first = nn.Linear(O.OBSERVATION_SIZE, O.HIDDEN_1)
         self.second = nn.Linear(O.HIDDEN_1, O.HIDDEN_2)
         self.head = nn.Linear(O.HIDDEN_2, O.OUTPUTS)
         with torch.no_grad():
-            self.first.weight[:, NEVER_SET] = 0.0
+            self.first.weight[:, list(unused)] = 0.0
             self.head.weight *= 0.1
             self.head.bias[2:] = -1.0
 
