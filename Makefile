@@ -63,6 +63,7 @@ drivers: $(VENV)/.installed-dev
 	OMP_NUM_THREADS=1 $(BIN)/tailroad train ego-lidar --data $(DATA) --out $(WEIGHTS) --seed 1
 	$(BIN)/tailroad train thresholds --scenario i80-10s --ego lidar --ego idm --rollouts 100000 --splitting 20000 \
 	  --seed 1 --out build/thresholds --card $(WEIGHTS)/drivers-gail.json
+	$(BIN)/tailroad drivers card --weights $(WEIGHTS)/drivers-gail.safetensors --data $(DATA) --out deploy/cards --seed 1
 
 # The example ego in Rust (needs cargo), and rollouts driven by it: minutes.
 example-ego: $(VENV)/.installed-dev
