@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from service.api.requests import Submission
 from service.cli.main import main
 from service.client import Client, NoAnswer, Refused
-from tests.service.fleet.light import expected, free_port
+from service.scenario.load import parse_scenario
+from tests.service.fleet.light import expected, formula, free_port
 
 JOB = {"ego": "idm", "method": "naive", "budget": 300}
 
@@ -131,3 +134,18 @@ def test_the_methods_of_submit_are_those_of_ce() -> None:
 
     schema = msgspec.json.schema(Submission)["$defs"]["Submission"]["properties"]["method"]
     assert set(METHODS) == set(ce.METHODS) == set(schema["enum"])
+
+
+def test_a_rollout_is_run_once_more(client: Client) -> None:
+    job = client.submit("i80-10s", 0.5, **JOB, seed=13).id
+    client.wait(job)
+    found = client.rollout(job, 7, trace=True)
+    assert (
+        found.f == formula(np.array([int(found.noise_seed)], np.uint64))[0][0]
+    )  # what the light worker said
+    assert not found.same_to_the_bit  # which is not what the simulation says
+    assert found.trace is not None
+    assert {"time_s", "speed_mps"} <= set(found.trace)
+    brought_back = parse_scenario(tomllib.loads(found.scenario), "rollout 7", Path())
+    assert brought_back.fixed is not None
+    assert brought_back.fixed.noise_seed == found.noise_seed
