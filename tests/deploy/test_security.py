@@ -1,12 +1,16 @@
 """The shipped Zenoh configuration: who gets in, and what each role may do, over real TLS sessions."""
 
+import re
+import signal
 import socket
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 import zenoh
 
+from service.api.routes import TOPS
 from service.errors import InputError
 from service.fleet.zenoh_link import client_session, router_session
 
@@ -205,3 +209,37 @@ def test_wrong_use_of_the_script_is_refused(arguments, tmp_path):
     assert done.returncode == 2
     assert "make-security" in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("role", "code"), [("client", 0), ("worker", 1)])
+def test_the_command_line_works_over_tls_for_clients_alone(keys, tmp_path, role, code):
+    endpoint = f"tls/127.0.0.1:{free_port()}"
+    tailroad = [sys.executable, "-m", "service.cli"]
+    home = ["--home", tmp_path / "home", "--procs", "0"]
+    serve = [*tailroad, "serve", "--listen", endpoint, "--zenoh-config", keys / "scheduler.json5", *home]
+    ask = [
+        *tailroad,
+        "health",
+        "--connect",
+        endpoint,
+        "--zenoh-config",
+        keys / f"{role}.json5",
+        "--timeout",
+        "5",
+    ]
+    with subprocess.Popen(serve, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as server:
+        try:
+            assert server.stdout is not None
+            for line in server.stdout:
+                if endpoint in line:
+                    break
+            answered = subprocess.run(ask, capture_output=True, text=True, check=False)
+        finally:
+            server.send_signal(signal.SIGTERM)
+    assert answered.returncode == code, answered.stdout + answered.stderr
+
+
+def test_clients_have_a_right_to_every_key_of_the_api():
+    text = (SCRIPT.parent / "scheduler.json5").read_text(encoding="utf-8")
+    granted = set(re.findall(r'"tailroad/v1/([a-z]+)(?:/\*{1,2})?"', text))
+    assert granted == {*TOPS}
