@@ -1,6 +1,7 @@
 """A job as far as its record goes: the evaluation loop, answered from the run directory alone."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NoReturn
@@ -8,6 +9,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 import ce
+from ce.streams import CHUNK as STREAM_BLOCK
 from service.batches import RecordedBatches
 from service.evaluate import evaluate
 from service.job import Job, Problem
@@ -67,11 +69,21 @@ class JobRecord:
 
     def redraw(self, phase: str, iteration: int, row: int) -> tuple[np.ndarray, int]:
         """x (d,) and the noise seed of an event or a failure, drawn again just as its batch was."""
-        if (phase, iteration, row) in self.explicit:
-            return self.explicit[phase, iteration, row][:2]
-        proposal = self.problem.base.with_parameters(self.parameters[phase, iteration])
-        x, noise = ce.draw(proposal, self.problem.stream_seed, phase, iteration, row, row + 1)
-        return x[0], int(noise[0])
+        return self.redraw_all(phase, [(iteration, row)])[0]
+
+    def redraw_all(self, phase: str, keys: Sequence[tuple[int, int]]) -> list[tuple[np.ndarray, int]]:
+        """x (d,) and the noise seed of many, by (iteration, row): rows of one block of the stream are drawn at once."""
+        found = {key: self.explicit[phase, *key][:2] for key in keys if (phase, *key) in self.explicit}
+        blocks: dict[tuple[int, int], list[int]] = {}
+        for iteration, row in keys:
+            if (iteration, row) not in found:
+                blocks.setdefault((iteration, row // STREAM_BLOCK), []).append(row)
+        for (iteration, _), rows in blocks.items():
+            proposal = self.problem.base.with_parameters(self.parameters[phase, iteration])
+            first = min(rows)
+            x, noise = ce.draw(proposal, self.problem.stream_seed, phase, iteration, first, max(rows) + 1)
+            found |= {(iteration, row): (x[row - first].copy(), int(noise[row - first])) for row in rows}
+        return [found[key] for key in keys]
 
     @cached_property
     def proposal(self) -> ce.Product | None:
@@ -105,7 +117,7 @@ def replay(store: ChunkSource, job: Job) -> JobRecord:
         parameters[batch.phase, batch.iteration] = batch.parameters
         f = recorded(batch)
         if batch.explicit:
-            told = np.isnan(f) if batch.phase == "train" else np.isnan(f) | (f <= job.gamma)
+            told = np.isnan(f) | (f <= job.gamma)  # a method that moves chains calls all its batches training
             for i in np.flatnonzero(told).tolist():
                 explicit[batch.phase, batch.iteration, batch.start + i] = (
                     batch.x[i].copy(),

@@ -13,6 +13,7 @@ from service.record import JobRecord
 
 Order = Literal["likelihood", "weight", "f"]
 ORDERS: tuple[Order, ...] = get_args(Order)
+CHAINS = "train"  # what methods that move chains call the phase of all their batches
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,7 @@ class Events:
     """
 
     record: JobRecord
+    phase: str
     iterations: np.ndarray
     rows: np.ndarray
     f: np.ndarray
@@ -43,7 +45,8 @@ class Events:
 
     def drawn(self, positions: Iterable[int]) -> list[tuple[np.ndarray, int]]:
         """x (d,) and noise seed of some of them, drawn again just as their batches were."""
-        return [self.record.redraw("estimate", int(self.iterations[i]), int(self.rows[i])) for i in positions]
+        keys = [(int(self.iterations[i]), int(self.rows[i])) for i in positions]
+        return self.record.redraw_all(self.phase, keys)
 
 
 def starts_log_likelihood(base: ce.Product, x: np.ndarray) -> float:
@@ -65,6 +68,7 @@ def events_of(record: JobRecord) -> Events:
     log_weight = np.zeros(rows.size) if estimate.log_weights is None else estimate.log_weights[rows]
     return Events(
         record,
+        "estimate",
         np.full(rows.size, record.estimate_iteration),
         rows,
         estimate.f[rows],
@@ -76,13 +80,14 @@ def events_of(record: JobRecord) -> Events:
 
 def _of_chains(record: JobRecord) -> Events:
     """Of a method that moves chains: every dangerous rollout that it has met, all of one weight."""
-    keys = [k for k, (_, _, f) in record.explicit.items() if k[0] == "estimate" and f <= record.job.gamma]
+    keys = [k for k, (_, _, f) in record.explicit.items() if k[0] == CHAINS and f <= record.job.gamma]
     keys.sort()
     met = [record.explicit[k] for k in keys]
     n = len(met)
     x = np.array([x for x, _, _ in met]).reshape(n, record.problem.base.dim)
     return Events(
         record,
+        CHAINS,
         np.array([k[1] for k in keys], dtype=np.int64),
         np.array([k[2] for k in keys], dtype=np.int64),
         np.array([f for _, _, f in met]),
