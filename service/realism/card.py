@@ -100,6 +100,7 @@ def make(settings: Settings, tell: Callable[[str], None] = lambda _: None) -> di
         "labels": {k: v for k, v in labels.items() if settings.with_krauss or k != models.KRAUSS},
         "protocols": {"one": "one replaced", "twenty": "twenty at once", "all": "all at once"},
         "method": drivers.card.get("method", ""),
+        "taken_over": taken_over(drivers.card),
         "data": _data(recordings),
         "idm_mobil": fit.as_dict(),
         "stream": _stream(settings, networks, fit.values, tell),
@@ -202,6 +203,23 @@ def _data(recordings: Recordings) -> dict[str, Any]:
         "lane_changes": {
             site: lane_change_facts(scenes, lane_changes(scenes)) for site, scenes in recordings.sites.items()
         },
+    }
+
+
+def taken_over(weights_card: dict[str, Any]) -> dict[str, float | list[float]] | None:
+    """The weights' own figures on I-80 after 20 s, None where their card has none: one vehicle replaced and, as in the
+    service, driven by another driver after a contact."""
+    own = weights_card.get("metrics", {}).get("held_out_closed_loop", {}).get("i80", {}).get("20s")
+    if own is None:
+        return None
+    return {
+        "position_m": own["rmse_position_m"]["value"],
+        "position_m_interval_95": own["rmse_position_m"]["interval_95"],
+        "speed_mps": own["rmse_speed_mps"]["value"],
+        "lane_offset_m": own["rmse_lateral_m"]["value"],
+        "touching_share": own["collision_share"],
+        "hard_brakes_share": own["hard_brake_share"],
+        "off_road_share": own["off_road_share"],
     }
 
 

@@ -29,6 +29,7 @@ def verdict(facts: Facts) -> dict[str, list[str]]:
     _lane_changes(of, own, good, not_good)
     _distributions(of, own, good, not_good)
     _baselines(facts, of, own, good, not_good)
+    _stream(facts, not_good)
     return {"good": good, "not": not_good}
 
 
@@ -74,6 +75,26 @@ def _baselines(facts: Facts, of: Facts, own: Facts, good: list[str], not_good: l
             not_good.append(
                 f"Position after {horizon} s: {mine:.3g} m, {label} is closer with {theirs:.3g} m."
             )
+
+
+def _stream(facts: Facts, not_good: list[str]) -> None:
+    """What the traffic stream shows, if it shows anything wrong."""
+    if not facts["stream"]:
+        return
+    own, recorded = facts["stream"]["models"][facts["weights"]], facts["stream"]["recorded"]
+    density, speed = own["density_veh_per_km"], own["speed_mps"]
+    text = (
+        f"In a dense stream at I-80's demand: {density:.0f} vehicles a km at {speed:.1f} m/s, recorded "
+        f"{recorded['density_veh_per_km']:.0f} at {recorded['speed_mps']:.1f} m/s"
+    )
+    if own["touching_share"] > 0.1:
+        text += (
+            f"; {100.0 * own['touching_share']:.0f}% of frames are in contact. The drivers cannot free themselves "
+            "after a contact (the service then hands a vehicle to another driver; here nobody does), so contacts pile "
+            "up. Do not use them for dense traffic without that rule"
+        )
+    if own["touching_share"] > 0.1 or abs(density / recorded["density_veh_per_km"] - 1.0) > 0.25:
+        not_good.append(text + ".")
 
 
 def caveats(facts: Facts) -> list[str]:
