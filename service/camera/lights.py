@@ -14,11 +14,9 @@ from service.camera.columns import (
     EYE,
     FOCAL,
     FORWARD,
-    HEIGHT,
     RANGE_STEP_M,
     RIGHT,
     WET,
-    WIDTH,
 )  # fmt: skip
 from service.camera.finish import mixed
 from service.camera.poses import ACCELERATION_MPS2, HEADING_RAD, LENGTH_M, WIDTH_M, X_M, Y_M
@@ -54,7 +52,7 @@ def _spot(picture: np.ndarray, x: float, y: float, radius: float, tall: float, r
 
 @kernel
 def _lamp(picture: np.ndarray, x: float, y: float, z: float, red: float, green: float, blue: float, strength: float,
-          size_m: float, camera: np.ndarray, through_air: np.ndarray, depths: np.ndarray, samples: int
+          size_m: float, camera: np.ndarray, through_air: np.ndarray, inverse_depth: np.ndarray, samples: int
           ) -> None:  # fmt: skip
     """A lamp at the world point (x, y, z), if nothing hides it, and its gleam where the road is wet."""
     dx, dy, dz = x - camera[EYE], y - camera[EYE + 1], z - camera[EYE + 2]
@@ -65,10 +63,10 @@ def _lamp(picture: np.ndarray, x: float, y: float, z: float, red: float, green: 
     right = dx * camera[RIGHT] + dy * camera[RIGHT + 1]
     down = dx * camera[DOWN] + dy * camera[DOWN + 1] + dz * camera[DOWN + 2]
     sx, sy = camera[CENTRE_X] + right * scale, camera[CENTRE_Y] + down * scale
-    column, row = math.floor(sx), math.floor(sy)
-    if column < 0 or row < 0 or column >= camera[WIDTH] or row >= camera[HEIGHT]:
+    column, row = math.floor(sx / samples), math.floor(sy / samples)
+    if column < 0 or row < 0 or column >= picture.shape[1] or row >= picture.shape[0]:
         return
-    if depths[row * int(camera[WIDTH]) + column] * (ahead - 0.6) > 1.0:
+    if inverse_depth[row, column] * (ahead - 0.6) > 1.0:
         return
     step = min(int(ahead / camera[RANGE_STEP_M]), through_air.shape[0] - 1)
     through = np.float64(through_air[step])
@@ -88,7 +86,7 @@ def _lamp(picture: np.ndarray, x: float, y: float, z: float, red: float, green: 
 
 @kernel
 def shine(picture: np.ndarray, poses: np.ndarray, own: int, lamps: np.ndarray, night: float, lights_on: bool,
-          camera: np.ndarray, through_air: np.ndarray, depths: np.ndarray, samples: int) -> None:  # fmt: skip
+          camera: np.ndarray, through_air: np.ndarray, inverse_depth: np.ndarray, samples: int) -> None:  # fmt: skip
     """Draw the vehicles' lamps and the street lamps (n, 3) that can be seen into `picture` (h, w, 3)."""
     for row in range(poses.shape[0]):
         length, width = poses[row, LENGTH_M], poses[row, WIDTH_M]
@@ -110,7 +108,7 @@ def shine(picture: np.ndarray, poses: np.ndarray, own: int, lamps: np.ndarray, n
             ly = y + end * length * sine + side * width * cosine
             if end > 0.0:
                 _lamp(picture, lx, ly, 0.65, 1.0, 0.95, 0.85, 0.5 + 0.5 * night, 2.0 * LAMP_M, camera, through_air,
-                      depths, samples)  # fmt: skip
+                      inverse_depth, samples)  # fmt: skip
             else:
                 bright = (0.75 if braking else 0.4) * (0.5 + 0.5 * night)
                 _lamp(
@@ -125,13 +123,13 @@ def shine(picture: np.ndarray, poses: np.ndarray, own: int, lamps: np.ndarray, n
                     LAMP_M,
                     camera,
                     through_air,
-                    depths,
+                    inverse_depth,
                     samples,
                 )
     if night > 0.15:
         for i in range(lamps.shape[0]):
             _lamp(picture, lamps[i, 0], lamps[i, 1], lamps[i, 2], 1.0, 0.80, 0.50, 0.9 * night, 1.6 * LAMP_M, camera,
-                  through_air, depths, samples)  # fmt: skip
+                  through_air, inverse_depth, samples)  # fmt: skip
 
 
 @kernel

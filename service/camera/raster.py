@@ -44,7 +44,10 @@ from service.camera.columns import (
 
 RUN = 32  # samples that share a colour
 TONES = 8192  # steps of the table from radiance to signal
-LEFT, ADDED, INVERSE_DEPTH, ROW = 0, 1, 4, 5  # columns of a row of the ground
+LIT_RUN = 8  # where headlights fall on the ground
+BEAM_STRENGTH = 15.0
+BEAM_NEAR_PER_M = 0.075  # nearer than 1 / this a beam gets no brighter: it is aimed ahead
+LEFT, ADDED, INVERSE_DEPTH, BEAM, ROW = 0, 1, 4, 5, 6  # columns of the table of rows
 BYTE, EIGHT, SIXTEEN = np.uint32(0xFF), np.uint32(8), np.uint32(16)
 
 
@@ -55,15 +58,20 @@ def tone_table() -> np.ndarray:
 
 
 @kernel
-def _beam(x: float, y: float, inverse_depth: float) -> float:
-    """Low beam at picture direction (x, y) from the horizon's middle and 1/z: irradiance."""
-    across = x * x * 5.0
-    if y > 0.012:
-        height = 1.0 - min((y - 0.012) * 1.8, 0.75)
-    else:
-        height = 0.06 + 0.94 * max(1.0 + (y - 0.012) * 40.0, 0.0)
-    near = min(inverse_depth, 0.075)
-    return 15.0 * height * near * near / ((1.0 + across) * (1.0 + across))
+def beam_table(camera: np.ndarray, out: np.ndarray) -> None:
+    """Fill `out` (w,) with how a low beam falls off to the sides, for every column of samples."""
+    for x in range(out.shape[0]):
+        across = (x + 0.5 - camera[CENTRE_X]) / camera[FOCAL]
+        fall = 1.0 + 5.0 * across * across
+        out[x] = 1.0 / (fall * fall)
+
+
+@kernel
+def _beam_height(below: float) -> float:
+    """How bright a low beam is at the tangent `below` the horizon: it is cut off a little below it."""
+    if below > 0.012:
+        return 1.0 - min((below - 0.012) * 1.8, 0.75)
+    return 0.06 + 0.94 * max(1.0 + (below - 0.012) * 40.0, 0.0)
 
 
 @kernel
@@ -84,13 +92,18 @@ def _tone(value: float, tones: np.ndarray) -> int:
 
 @kernel
 def row_table(camera: np.ndarray, through_air: np.ndarray, out: np.ndarray) -> None:
-    """Fill `out` (h, ROW) for the rows that show ground: what the air leaves of its light, what is added, and 1/z."""
-    for y in range(max(math.ceil(camera[HORIZON] - 0.5), 0), int(camera[HEIGHT])):
+    """Fill `out` (h, ROW): for every row the low beam's height; for rows that show ground also what the air leaves of
+    its light, what is added, and 1/z."""
+    for y in range(int(camera[HEIGHT])):
+        below = (y + 0.5 - camera[HORIZON]) / camera[FOCAL]
+        out[y, BEAM] = BEAM_STRENGTH * camera[HEADLIGHT] * _beam_height(below)
+        if below <= 0.0:
+            continue
         down = (y + 0.5 - camera[CENTRE_Y]) / camera[FOCAL]
         inverse_depth = max(-(camera[DOWN + 2] * down + camera[FORWARD + 2]) / camera[EYE + 2], 1e-6)
         distance = math.sqrt(1.0 + down * down) / inverse_depth
         through = _through(distance, camera[RANGE_STEP_M], through_air)
-        grazing = 1.0 - min((y + 0.5 - camera[HORIZON]) / camera[FOCAL] * 4.0, 1.0)
+        grazing = 1.0 - min(below * 4.0, 1.0)
         grazing = grazing * grazing
         wet = camera[WET]
         mirror = wet * (0.10 + 0.45 * grazing) + (1.0 - wet) * 0.10 * grazing * grazing
@@ -101,21 +114,32 @@ def row_table(camera: np.ndarray, through_air: np.ndarray, out: np.ndarray) -> N
 
 
 @kernel
-def draw(polygons: np.ndarray, count: int, camera: np.ndarray, through_air: np.ndarray, tones: np.ndarray,
-         rows: np.ndarray, first: int, last: int, colours: np.ndarray, depths: np.ndarray, labels: np.ndarray,
-         left: np.ndarray, right: np.ndarray) -> None:  # fmt: skip
-    """Draw polygons[:count] into rows [first, last): the ground with its depth first, the rest over it.
+def _even(polygons: np.ndarray, k: int, camera: np.ndarray, through_air: np.ndarray) -> bool:
+    """Whether the air leaves about the same of all parts of a polygon."""
+    low, high = 1e30, 1e-4
+    for i in range(int(polygons[k, COUNT])):
+        at = polygons[k, PLANE] * polygons[k, X + i] + polygons[k, PLANE + 1] * polygons[k, Y + i]
+        low, high = min(low, at + polygons[k, PLANE + 2]), max(high, at + polygons[k, PLANE + 2])
+    step_m = camera[RANGE_STEP_M]
+    nearest, farthest = 1.0 / high, 1.0 / max(low, 1e-4)
+    return _through(nearest, step_m, through_air) - _through(farthest, step_m, through_air) < 0.02
 
-    Row 0 of polygons is the open country, everything below the horizon. rows: see `row_table`. colours (h w,) uint32,
-    as bytes R, G, B, 0, and depths (h w,) float32, as 1/z, are the samples row by row; labels (h w,) uint16, or (0,)
-    where none are wanted; left, right: (h,) scratch. The sky is there already.
+
+@kernel
+def draw(polygons: np.ndarray, count: int, camera: np.ndarray, through_air: np.ndarray, tones: np.ndarray,
+         rows: np.ndarray, beams: np.ndarray, first: int, last: int, colours: np.ndarray, depths: np.ndarray,
+         labels: np.ndarray, left: np.ndarray, right: np.ndarray) -> None:  # fmt: skip
+    """Draw polygons[:count] into rows [first, last) of the picture: the ground in order, then solids by depth.
+
+    Row 0 of polygons is the open country, everything below the horizon. rows, beams: see `row_table`, `beam_table`. The
+    buffers hold these rows alone: colours (n w,) uint32, as bytes R, G, B, 0, depths (n w,) float32, as 1/z, and labels
+    (n w,) uint16, or (0,) where none are wanted; left, right: (h,) scratch. The sky is there already.
     """
     width, height = int(camera[WIDTH]), camera[HEIGHT]
-    headlight, step_m = camera[HEADLIGHT], camera[RANGE_STEP_M]
-    horizon, centre_x, centre_y = camera[HORIZON], camera[CENTRE_X], camera[CENTRE_Y]
+    lit, step_m = camera[HEADLIGHT] > 0.0, camera[RANGE_STEP_M]
+    centre_x, centre_y = camera[CENTRE_X], camera[CENTRE_Y]
     per_focal = 1.0 / camera[FOCAL]
     fog_r, fog_g, fog_b = camera[FOG], camera[FOG + 1], camera[FOG + 2]
-    shared = RUN if headlight == 0.0 else max(4, width // 120)
     want_labels = labels.shape[0] > 0
     for k in range(count):
         top, bottom = max(int(polygons[k, TOP]), first), min(int(polygons[k, BOTTOM]), last)
@@ -148,53 +172,57 @@ def draw(polygons: np.ndarray, count: int, camera: np.ndarray, through_air: np.n
         mirror_r, mirror_g, mirror_b = polygons[k, MIRROR], polygons[k, MIRROR + 1], polygons[k, MIRROR + 2]
         label = np.uint16(polygons[k, LABEL])
         dx, dy, at_0 = polygons[k, PLANE], polygons[k, PLANE + 1], polygons[k, PLANE + 2]
+        even = not lit and kind != SHADOW and (kind == GROUND or _even(polygons, k, camera, through_air))
+        run = width if even else RUN
+        if lit and kind == GROUND:
+            run = LIT_RUN
+        colour = np.uint32(0)
+        fresh = True  # no colour yet
         for y in range(top, bottom):
             begin = math.ceil(min(max(left[y], 0.0), width + 0.5) - 0.5)
             end = math.ceil(min(max(right[y], 0.0), width + 0.5) - 0.5)
             if end <= begin:
                 continue
+            line = (y - first) * width
             if kind == SHADOW:
                 through = rows[y, LEFT]
                 r = np.uint32(256.0 * (1.0 - through * (1.0 - red)))
                 g = np.uint32(256.0 * (1.0 - through * (1.0 - green)))
                 b = np.uint32(256.0 * (1.0 - through * (1.0 - blue)))
-                for i in range(np.uint64(y * width + begin), np.uint64(y * width + end)):
+                for i in range(np.uint64(line + begin), np.uint64(line + end)):
                     old = colours[i]
                     low = ((old & BYTE) * r) >> EIGHT
                     middle = (((old >> EIGHT) & BYTE) * g) >> EIGHT
                     high = (((old >> SIXTEEN) & BYTE) * b) >> EIGHT
                     colours[i] = low | (middle << EIGHT) | (high << SIXTEEN)
                 continue
-            below = (y + 0.5 - horizon) * per_focal
-            run = shared
-            if kind == GROUND and headlight == 0.0:
-                run = end - begin
             for a in range(begin, end, run):
                 stop = min(a + run, end)
-                i0, i1 = np.uint64(y * width + a), np.uint64(y * width + stop)
-                if kind == GROUND:
-                    through = rows[y, LEFT]
-                    add_r, add_g, add_b = rows[y, ADDED], rows[y, ADDED + 1], rows[y, ADDED + 2]
-                    inverse_depth = rows[y, INVERSE_DEPTH]
-                else:
-                    inverse_depth = dx * (0.5 * (a + stop)) + dy * (y + 0.5) + at_0
-                    across = (0.5 * (a + stop) - centre_x) * per_focal
-                    down = (y + 0.5 - centre_y) * per_focal
-                    far = (1.0 + 0.5 * (across * across + down * down)) / max(inverse_depth, 1e-4)
-                    through = _through(far, step_m, through_air)
-                    add_r, add_g, add_b = (
-                        (1.0 - through) * fog_r,
-                        (1.0 - through) * fog_g,
-                        (1.0 - through) * fog_b,
+                i0, i1 = np.uint64(line + a), np.uint64(line + stop)
+                x = 0.5 * (a + stop)
+                inverse_depth = rows[y, INVERSE_DEPTH] if kind == GROUND else dx * x + dy * (y + 0.5) + at_0
+                if kind == GROUND or not even or fresh:
+                    if kind == GROUND:
+                        through = rows[y, LEFT]
+                        add_r, add_g, add_b = rows[y, ADDED], rows[y, ADDED + 1], rows[y, ADDED + 2]
+                    else:
+                        across, down = (x - centre_x) * per_focal, (y + 0.5 - centre_y) * per_focal
+                        far = (1.0 + 0.5 * (across * across + down * down)) / max(inverse_depth, 1e-4)
+                        through = _through(far, step_m, through_air)
+                        fogged = 1.0 - through
+                        add_r, add_g, add_b = fogged * fog_r, fogged * fog_g, fogged * fog_b
+                    lit_r, lit_g, lit_b = red, green, blue
+                    if lit:
+                        near = min(inverse_depth, BEAM_NEAR_PER_M)
+                        beam = rows[y, BEAM] * beams[np.uint64(x)] * near * near
+                        lit_r += beam * mirror_r
+                        lit_g += beam * mirror_g
+                        lit_b += beam * mirror_b
+                    packed = _tone(lit_r * through + add_r, tones) | (
+                        _tone(lit_g * through + add_g, tones) << 8
                     )
-                lit_r, lit_g, lit_b = red, green, blue
-                if headlight > 0.0:
-                    beam = headlight * _beam((0.5 * (a + stop) - centre_x) * per_focal, below, inverse_depth)
-                    lit_r += beam * mirror_r
-                    lit_g += beam * mirror_g
-                    lit_b += beam * mirror_b
-                packed = _tone(lit_r * through + add_r, tones) | (_tone(lit_g * through + add_g, tones) << 8)
-                colour = np.uint32(packed | (_tone(lit_b * through + add_b, tones) << 16))
+                    colour = np.uint32(packed | (_tone(lit_b * through + add_b, tones) << 16))
+                    fresh = False
                 if kind == GROUND:
                     for i in range(i0, i1):
                         colours[i] = colour

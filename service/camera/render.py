@@ -11,21 +11,22 @@ from service.camera import columns as C
 from service.camera.bodies import BRAKE_LIGHT_MPS2, bodies
 from service.camera.collect import collect
 from service.camera.finish import add_noise, noise_table
+from service.camera.lens import lens_of
 from service.camera.lights import rain_streaks, shine
 from service.camera.poses import ACCELERATION_MPS2, HEADING_RAD, X_M, Y_M
-from service.camera.raster import ROW, TONES, draw, row_table, tone_table
+from service.camera.raster import ROW, TONES, beam_table, draw, row_table, tone_table
 from service.camera.scene import Scene
-from service.camera.sky import AIR_M, cloud_texture, sky_rows
+from service.camera.sky import AIR_M, cloud_texture, sky_knots, sky_rows
 from service.camera.weather import RANGE_STEP_M, Light, Weather, light_of
 from service.scenario.schema import CameraSpec
 
 SAMPLES = 2  # a side of a pixel
-BAND = 96  # rows of samples drawn together
+BAND_BYTES = 700_000  # of colour and depth: rows that are drawn together stay in the processor's cache
 LARGEST_LIST = 20_000  # polygons in a picture
 SEEN_TO = 0.012  # transmittance below which nothing is drawn
 LARGEST_RANGE_M = 4500.0
 SKY_KNOTS = 56  # across the picture
-NO_LABELS = np.empty(0, np.uint16)
+NOTHING = np.empty(0, np.uint16)
 
 
 @dataclass(frozen=True)
@@ -38,17 +39,24 @@ class Images:
 
 
 class Camera:
-    """A pinhole camera on a vehicle. Not for several threads at once: it keeps its buffers."""
+    """A camera on a vehicle. Not for several threads at once: it keeps its buffers."""
 
     def __init__(self, spec: CameraSpec | None = None):
         self.spec = spec = spec or CameraSpec()
-        self._width, self._height = SAMPLES * spec.width_px, SAMPLES * spec.height_px
-        size = self._width * self._height
-        self._colours = np.zeros(size, np.uint32)
-        self._depths = np.zeros(size, np.float32)
-        self._labels = NO_LABELS
-        self._left, self._right = np.zeros(self._height), np.zeros(self._height)
-        self._rows = np.zeros((self._height, ROW))
+        self._lens = lens = lens_of(spec)
+        self._width, self._height = width, height = SAMPLES * lens.width_px, SAMPLES * lens.height_px
+        rows = max(BAND_BYTES // (8 * width) // SAMPLES, 4) * SAMPLES
+        self._band = rows = min(rows, height)
+        self._colours = np.zeros(rows * width, np.uint32)
+        self._depths = np.zeros(rows * width, np.float32)
+        self._labels = np.zeros(rows * width, np.uint16)
+        self._picture = np.zeros((lens.height_px, lens.width_px, 4), np.uint8)
+        self._inverse_depth = np.zeros((lens.height_px, lens.width_px), np.float32)
+        self._label = np.zeros((lens.height_px, lens.width_px), np.uint16)
+        self._left, self._right = np.zeros(height), np.zeros(height)
+        self._rows, self._beams = np.zeros((height, ROW)), np.zeros(width)
+        self._step = max(8, width // SKY_KNOTS)
+        self._knots = np.zeros((height // self._step + 2, width // self._step + 2, 3), np.float32)
         self._polygons = np.zeros((LARGEST_LIST, C.POLYGON))
         self._bodies = bodies()
         self._tones = tone_table()
@@ -57,34 +65,46 @@ class Camera:
         self._cells = np.zeros(0, np.int64)
         self._weather: Weather | None = None
         self._state = np.zeros(C.CAMERA)
-        focal = 0.5 * spec.width_px / math.tan(math.radians(0.5 * spec.hfov_deg))
-        self._state[C.FOCAL] = SAMPLES * focal
-        self._state[C.CENTRE_X], self._state[C.CENTRE_Y] = 0.5 * self._width, 0.5 * self._height
-        self._state[C.WIDTH], self._state[C.HEIGHT] = self._width, self._height
+        self._state[C.FOCAL] = SAMPLES * lens.focal_px
+        self._state[C.CENTRE_X] = SAMPLES * lens.centre_x_px
+        self._state[C.CENTRE_Y] = SAMPLES * lens.centre_y_px
+        self._state[C.WIDTH], self._state[C.HEIGHT] = width, height
+        beam_table(self._state, self._beams)
 
     def render(
         self, scene: Scene, poses: np.ndarray, ego: int, weather: Weather, seed: int = 0, frame: int = 0
     ) -> np.ndarray:
         """The picture (h, w, 3) uint8 RGB that the vehicle in row `ego` takes.
 
-        poses: (n, 6) float64, see `poses_of`. seed and frame number decide the sensor's noise: the same arguments give
-        the same bits.
+        poses: (n, 6) float64, see `poses_of`. seed and frame number decide the sensor's noise and where raindrops are:
+        the same arguments give the same bits.
         """
-        self._draw(scene, poses, ego, weather, NO_LABELS)
-        return self._picture(seed, frame)
+        self._draw(scene, poses, ego, weather, False)
+        return self._finished(scene, poses, ego, seed, frame)
 
     def images(
         self, scene: Scene, poses: np.ndarray, ego: int, weather: Weather, seed: int = 0, frame: int = 0
     ) -> Images:
         """As `render`, with depth and segmentation of the same pass."""
-        if not len(self._labels):
-            self._labels = np.zeros(len(self._colours), np.uint16)
-        self._draw(scene, poses, ego, weather, self._labels)
-        shape = (self._height, self._width)
+        self._draw(scene, poses, ego, weather, True)
         with np.errstate(divide="ignore"):
-            depth = np.float32(1.0) / self._depths.reshape(shape)[::SAMPLES, ::SAMPLES]
-        label = self._labels.reshape(shape)[::SAMPLES, ::SAMPLES].copy()
-        return Images(self._picture(seed, frame), depth, label)
+            depth = np.float32(1.0) / self._inverse_depth
+        rgb = self._finished(scene, poses, ego, seed, frame)
+        return Images(rgb, self._lens.warp(depth, True), self._lens.warp(self._label.copy(), True))
+
+    def rays(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The position (3,) of the camera on a vehicle at `pose` (6,), and the direction (h, w, 3) of each pixel of
+        `depth_m` and `label`; a point at depth d lies at position + d * direction."""
+        self._place(pose)
+        state, lens = self._state, self._lens
+        x, y = np.meshgrid(np.arange(lens.width_px), np.arange(lens.height_px))
+        right = ((SAMPLES * x + 0.5) - state[C.CENTRE_X]) / state[C.FOCAL]
+        down = ((SAMPLES * y + 0.5) - state[C.CENTRE_Y]) / state[C.FOCAL]
+        axes = [state[a : a + 3] for a in (C.RIGHT, C.DOWN, C.FORWARD)]
+        direction = right[..., None] * axes[0] + down[..., None] * axes[1] + axes[2]
+        if lens.at is not None:
+            direction = np.dstack([lens.warp(direction[..., c], True) for c in range(3)])
+        return state[C.EYE : C.EYE + 3].copy(), direction
 
     def _place(self, pose: np.ndarray) -> None:
         """Where the camera on a vehicle at `pose` (6,) is."""
@@ -128,45 +148,48 @@ class Camera:
         state[C.LIGHTS_ON] = 1.0 if light.lights_on else 0.0
         state[C.COVER] = max(light.clouds, 0.12)
 
-    def _draw(self, scene: Scene, poses: np.ndarray, ego: int, weather: Weather, labels: np.ndarray) -> None:
+    def _draw(self, scene: Scene, poses: np.ndarray, ego: int, weather: Weather, labels: bool) -> None:
+        """Fill the level picture, and its inverse depths and labels."""
         if weather is not self._weather and weather != self._weather:
             self._set_weather(weather)
         if len(self._cells) < len(scene.stage.cells):
             self._cells = np.zeros(len(scene.stage.cells), np.int64)
         self._place(poses[ego])
-        self._poses, self._own, self._lamps = poses, ego, scene.lamps
-        state, air, tones = self._state, self._light.transmittance, self._tones
-        colours, depths = self._colours, self._depths
-        self._count = count = collect(
-            scene.stage, self._bodies, poses, ego, state, self._cells, self._polygons
-        )
+        state, air, tones, polygons = self._state, self._light.transmittance, self._tones, self._polygons
+        count = collect(scene.stage, self._bodies, poses, ego, state, self._cells, polygons)
         through = float(air[int(AIR_M / RANGE_STEP_M)])
-        sky_rows(
-            state, through, tones, self._clouds, max(8, self._width // SKY_KNOTS), colours, depths, labels
-        )
+        sky = sky_knots(state, through, tones, self._clouds, self._step, self._knots)
         row_table(state, air, self._rows)
-        for first in range(0, self._height, BAND):
+        width, colours, depths = self._width, self._colours, self._depths
+        label = self._labels if labels else NOTHING
+        for first in range(0, self._height, self._band):
+            last = min(first + self._band, self._height)
+            sky_rows(self._knots, self._step, sky, width, first, last, colours, depths, label)
             draw(
-                self._polygons, count, state, air, tones, self._rows, first, min(first + BAND, self._height), colours,
-                depths, labels, self._left, self._right,
+                polygons, count, state, air, tones, self._rows, self._beams, first, last, colours, depths, label,
+                self._left, self._right,
             )  # fmt: skip
+            shape, n = (last - first, width), (last - first) * width
+            part = slice(first // SAMPLES, last // SAMPLES)
+            samples = colours[:n].view(np.uint8).reshape(*shape, 4)
+            size = (width // SAMPLES, (last - first) // SAMPLES)
+            cv2.resize(samples, size, self._picture[part], interpolation=cv2.INTER_AREA)
+            self._inverse_depth[part] = depths[:n].reshape(shape)[::SAMPLES, ::SAMPLES]
+            if labels:
+                self._label[part] = label[:n].reshape(shape)[::SAMPLES, ::SAMPLES]
 
-    def _picture(self, seed: int, frame: int) -> np.ndarray:
-        spec = self.spec
-        samples = self._colours.view(np.uint8).reshape(self._height, self._width, 4)
-        size = (spec.width_px, spec.height_px)
-        picture = cv2.cvtColor(cv2.resize(samples, size, interpolation=cv2.INTER_AREA), cv2.COLOR_RGBA2RGB)
-        noise = spec.noise_levels * self._light.noise
-        light, weather = self._light, self._weather
-        if (
-            light.lights_on
-            or light.lamps > 0.0
-            or bool((self._poses[:, ACCELERATION_MPS2] < BRAKE_LIGHT_MPS2).any())
-        ):
-            shine(picture, self._poses, self._own, self._lamps, light.lamps, light.lights_on, self._state,
-                  light.transmittance, self._depths, SAMPLES)  # fmt: skip
+    def _finished(self, scene: Scene, poses: np.ndarray, ego: int, seed: int, frame: int) -> np.ndarray:
+        """The level picture with lamps, through the lens, with drops and noise."""
+        picture = cv2.cvtColor(self._picture, cv2.COLOR_RGBA2RGB)
+        light, weather, seed = self._light, self._weather, seed & 0xFFFFFFFF
+        braking = bool((poses[:, ACCELERATION_MPS2] < BRAKE_LIGHT_MPS2).any())
+        if light.lights_on or light.lamps > 0.0 or braking:
+            shine(picture, poses, ego, scene.lamps, light.lamps, light.lights_on, self._state, light.transmittance,
+                  self._inverse_depth, SAMPLES)  # fmt: skip
+        picture = self._lens.warp(picture)
         if weather is not None and weather.rain > 0.0:
             brightness = min(0.25 + float(light.horizon.mean()) * light.gain, 1.0)
-            rain_streaks(picture, weather.rain, brightness, seed & 0xFFFFFFFF, frame)
-        add_noise(picture.reshape(spec.height_px, -1), self._noise, noise, seed & 0xFFFFFFFF, frame)
+            rain_streaks(picture, weather.rain, brightness, seed, frame)
+        noise = self.spec.noise_levels * light.noise
+        add_noise(picture.reshape(self.spec.height_px, -1), self._noise, noise, seed, frame)
         return picture

@@ -259,7 +259,7 @@ def _block(b: Builder, base: np.ndarray, floors: int, colour: tuple[float, float
     roof = Material((0.22, 0.21, 0.20), Label.BUILDING)
     middle = np.array([*base.mean(axis=0), 0.5 * height])
     b.box(base, 0.0, height, wall, top=roof)
-    step = max(1, -(-floors // 5))  # rows of windows are merged on tall buildings
+    step = max(1, -(-floors // 4))  # rows of windows are merged on tall buildings
     for i in range(4):
         p, q = base[i], base[(i + 1) % 4]
         outward = 0.5 * (p + q) - middle[:2]
@@ -267,7 +267,7 @@ def _block(b: Builder, base: np.ndarray, floors: int, colour: tuple[float, float
         towards = road - middle[:2]
         if outward @ towards < -0.3 * np.hypot(*towards):
             continue
-        pieces = 1 if outward @ towards < 0.5 * np.hypot(*towards) else 3
+        pieces = 1 if outward @ towards < 0.5 * np.hypot(*towards) else 2
         for floor in range(0, floors, step):
             low = floor * 3.4 + 1.3
             high = min(low + step * 3.4 - 1.7, height - 0.6)

@@ -13,7 +13,7 @@ from service.camera.quads import Builder, Faces
 from sumo_nets.corridor import Corridor
 from sumo_nets.lanes import LaneShape, lane_shapes
 
-CELL_M = 60.0
+CELL_M = 40.0
 FREEWAY_MPS = 20.0  # roads at least this fast get barriers, gantries and a second carriageway
 
 
@@ -162,7 +162,7 @@ def _freeway(
     else:
         roadside.plants(corridor, 1, free, solid, rng, (34.0, 60.0), 17.0)
     roadside.plants(corridor, -1, free, solid, rng, (8.5, 16.0), 13.0)
-    roadside.buildings(corridor, -1, free, solid, rng, 75.0, (45.0, 110.0), (7.0, 22.0))
+    roadside.buildings(corridor, -1, free, solid, rng, 85.0, (45.0, 110.0), (7.0, 22.0))
     roadside.buildings(corridor, -1, free, solid, rng, 210.0, (130.0, 420.0), (40.0, 105.0))
     roadside.hills(corridor, 1, solid, 3600.0, 210.0, roadside.HILL[0], 3)
     roadside.hills(corridor, 1, solid, 2600.0, 95.0, roadside.HILL[1], 4)

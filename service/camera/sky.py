@@ -20,7 +20,6 @@ from service.camera.columns import (
     RIGHT,
     SKY_HORIZON,
     TO_SUN,
-    WIDTH,
     ZENITH,
 )  # fmt: skip
 from service.camera.raster import TONES
@@ -97,45 +96,48 @@ def _knots(y: float, step: int, camera: np.ndarray, through: float, tones: np.nd
 
 
 @kernel
-def sky_rows(camera: np.ndarray, through: float, tones: np.ndarray, clouds: np.ndarray, step: int, colours: np.ndarray,
-             depths: np.ndarray, labels: np.ndarray) -> None:  # fmt: skip
-    """Fill the rows above the horizon; `through` is what the air lets through, knots are `step` samples apart."""
-    width = int(camera[WIDTH])
+def sky_knots(camera: np.ndarray, through: float, tones: np.ndarray, clouds: np.ndarray, step: int, out: np.ndarray
+              ) -> int:  # fmt: skip
+    """Fill `out` (bands + 1, columns, 3) with signals at knots `step` samples apart; returns the rows of sky."""
     last = min(max(math.ceil(camera[HORIZON] - 0.5), 0), int(camera[HEIGHT]))
-    columns = width // step + 2
-    upper = np.empty((columns, 3), np.float32)
-    lower = np.empty((columns, 3), np.float32)
     radiance = np.empty(3)
-    share = np.float32(1.0 / step)
+    for band in range((last + step - 1) // step + 1):
+        _knots(np.float64(min(band * step, last)), step, camera, through, tones, clouds, radiance, out[band])
+    return last
+
+
+@kernel
+def sky_rows(knots: np.ndarray, step: int, sky: int, width: int, first: int, last: int, colours: np.ndarray,
+             depths: np.ndarray, labels: np.ndarray) -> None:  # fmt: skip
+    """Fill rows [first, last) as far as they show sky, the picture's first `sky` rows; first is even."""
     half, eight, sixteen = np.float32(0.5), np.uint32(8), np.uint32(16)
-    for band in range((last + step - 1) // step):
-        top, bottom = band * step, min((band + 1) * step, last)
-        if band == 0:
-            _knots(0.0, step, camera, through, tones, clouds, radiance, upper)
-        else:
-            upper, lower = lower, upper
-        _knots(np.float64(bottom), step, camera, through, tones, clouds, radiance, lower)
-        for y in range(top, bottom):
-            if (y - top) & 1:  # two rows of samples are a row of pixels
-                for i in range(np.uint64(y * width), np.uint64((y + 1) * width)):
-                    colours[i] = colours[i - np.uint64(width)]
-                continue
-            down = np.float32((y + 0.5 - top) / (bottom - top))
-            for k in range(columns - 1):
-                a, b = k * step, min((k + 1) * step, width)
-                r0 = upper[k, 0] + down * (lower[k, 0] - upper[k, 0])
-                g0 = upper[k, 1] + down * (lower[k, 1] - upper[k, 1])
-                b0 = upper[k, 2] + down * (lower[k, 2] - upper[k, 2])
-                r1 = (upper[k + 1, 0] + down * (lower[k + 1, 0] - upper[k + 1, 0]) - r0) * share
-                g1 = (upper[k + 1, 1] + down * (lower[k + 1, 1] - upper[k + 1, 1]) - g0) * share
-                b1 = (upper[k + 1, 2] + down * (lower[k + 1, 2] - upper[k + 1, 2]) - b0) * share
-                i0 = np.uint64(y * width + a)
-                for i in range(i0, np.uint64(y * width + b)):
-                    t = np.float32(np.int32(i - i0)) + half
-                    red, green, blue = np.int32(r0 + r1 * t), np.int32(g0 + g1 * t), np.int32(b0 + b1 * t)
-                    colours[i] = np.uint32(red) | (np.uint32(green) << eight) | (np.uint32(blue) << sixteen)
-    for i in range(np.uint64(last * width)):
+    share = np.float32(1.0 / step)
+    until = min(last, sky)
+    for y in range(first, until):
+        line = (y - first) * width
+        if y & 1:  # two rows of samples are a row of pixels
+            for i in range(np.uint64(line), np.uint64(line + width)):
+                colours[i] = colours[i - np.uint64(width)]
+            continue
+        band = y // step
+        top, bottom = band * step, min((band + 1) * step, sky)
+        down = np.float32((y + 0.5 - top) / (bottom - top))
+        for k in range((width + step - 1) // step):
+            a, b = k * step, min((k + 1) * step, width)
+            r0 = knots[band, k, 0] + down * (knots[band + 1, k, 0] - knots[band, k, 0])
+            g0 = knots[band, k, 1] + down * (knots[band + 1, k, 1] - knots[band, k, 1])
+            b0 = knots[band, k, 2] + down * (knots[band + 1, k, 2] - knots[band, k, 2])
+            k1 = k + 1
+            r1 = (knots[band, k1, 0] + down * (knots[band + 1, k1, 0] - knots[band, k1, 0]) - r0) * share
+            g1 = (knots[band, k1, 1] + down * (knots[band + 1, k1, 1] - knots[band, k1, 1]) - g0) * share
+            b1 = (knots[band, k1, 2] + down * (knots[band + 1, k1, 2] - knots[band, k1, 2]) - b0) * share
+            i0 = np.uint64(line + a)
+            for i in range(i0, np.uint64(line + b)):
+                t = np.float32(np.int32(i - i0)) + half
+                red, green, blue = np.int32(r0 + r1 * t), np.int32(g0 + g1 * t), np.int32(b0 + b1 * t)
+                colours[i] = np.uint32(red) | (np.uint32(green) << eight) | (np.uint32(blue) << sixteen)
+    for i in range(np.uint64(max(until - first, 0) * width)):
         depths[i] = np.float32(0.0)
     if labels.shape[0] > 0:
-        for i in range(np.uint64(last * width)):
+        for i in range(np.uint64(max(until - first, 0) * width)):
             labels[i] = np.uint16(0)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from policies.exactmath import exp, log, sincos
+from policies.jit import kernel
 from service.scenario.base import weather_values
 from service.scenario.schema import Scenario
 
@@ -114,8 +115,8 @@ def light_of(weather: Weather) -> Light:
     # exposure: an automatic control that follows the light, but lets the night be darker than the day
     level = float((sky_up + max(sine, 0.0) * sun).mean()) + 0.035 * lamps + 0.002
     gain = 0.92 * _power(level, -0.82) * _power(2.0, weather.exposure_ev)
-    distance = np.arange(0.0, MAX_RANGE_M + RANGE_STEP_M, RANGE_STEP_M)
-    transmittance = np.array([exp(-extinction * d / 1000.0) for d in distance.tolist()], dtype=np.float32)
+    transmittance = np.empty(int(MAX_RANGE_M / RANGE_STEP_M) + 1, np.float32)
+    _fill_transmittance(extinction / 1000.0, transmittance)
     return Light(
         to_sun=np.array([cosine * azimuth_cosine, cosine * azimuth_sine, sine]),
         sun=sun if e > 0.0 else np.zeros(3),
@@ -133,6 +134,12 @@ def light_of(weather: Weather) -> Light:
         noise=1.0 + 2.0 * _ramp(gain, 4.0, 25.0),
         transmittance=transmittance,
     )
+
+
+@kernel
+def _fill_transmittance(extinction_per_m: float, out: np.ndarray) -> None:
+    for i in range(out.shape[0]):
+        out[i] = exp(-extinction_per_m * RANGE_STEP_M * i)
 
 
 def _curve(table: np.ndarray, elevation_deg: float) -> np.ndarray:

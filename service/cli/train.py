@@ -1,4 +1,4 @@
-"""`tailroad train drivers|drivers-bc|ego-lidar|thresholds`: needs the `train` extra (torch)."""
+"""`tailroad train drivers|drivers-bc|ego-lidar|ego-vision|thresholds`: needs the `train` extra (torch)."""
 
 import importlib
 import sys
@@ -11,6 +11,7 @@ SCRIPTS = {
     "drivers": "policies.training.drivers_gail",
     "drivers-bc": "policies.training.drivers",
     "ego-lidar": "policies.training.ego_lidar",
+    "ego-vision": "policies.training.ego_vision",
     "thresholds": "policies.training.thresholds",
 }
 
@@ -19,12 +20,12 @@ SCRIPTS = {
 @click.argument("what", type=click.Choice(list(SCRIPTS)))
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def command(what: str, arguments: tuple[str, ...]) -> None:
-    """Train the drivers (by adversarial imitation, or by behaviour cloning) or the lidar ego, or find the thresholds of
+    """Train the drivers (by adversarial imitation, or by behaviour cloning) or an ego, or find the thresholds of
     rare events in the new traffic; `tailroad train WHAT --help` lists the script's own options."""
     try:
         script = importlib.import_module(SCRIPTS[what])
     except ModuleNotFoundError as error:
-        if error.name not in ("torch", "sklearn"):
+        if error.name not in ("torch", "sklearn", "onnx"):
             raise
         raise InputError(
             f"training needs {error.name}; install tailroad with its extra: tailroad[train]"

@@ -1,0 +1,69 @@
+"""The vision ego: a convolutional network from the camera's picture and the lidar to acceleration and turn rate.
+
+What a vehicle with a camera, a lidar and a speedometer knows: of the 51 values it is given only the speed, the ranges
+and the range rates; where the lanes are it has to see. The network is an ONNX file that contains its own
+standardisation: inputs `frame` (1, 66, 200, 3) uint8 RGB and `beside` (1, 41) float32, output `action` (1, 2): m/s^2
+and rad/s. It runs in ONNX Runtime on one thread: the same bits on one machine; on a processor with other vector
+instructions the last bits of an action may differ (deploy/decisions/0033-vision-ego.md).
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from policies import layout
+from policies.drivers import WeightsError
+from policies.egos.protocol import Observation
+
+FRAME_SHAPE = (66, 200, 3)
+BESIDE = 1 + 2 * layout.BEAMS  # speed, ranges, range rates
+WEIGHTS = Path(__file__).resolve().parents[1] / "weights" / "ego-vision.onnx"
+
+
+def beside(vector: np.ndarray) -> np.ndarray:
+    """What goes beside the picture, (..., 41) float32, of observations (..., 51): speed, ranges and range rates."""
+    seen = np.concatenate(
+        [vector[..., layout.SPEED_MPS : layout.SPEED_MPS + 1], vector[..., layout.RANGE_M :]], axis=-1
+    )
+    return seen.astype(np.float32)
+
+
+def vision_card(weights: Path = WEIGHTS) -> dict[str, Any]:
+    """The card of the shipped weights: data, command, seed and figures for each weather."""
+    return json.loads(weights.with_suffix(".json").read_text(encoding="utf-8"))
+
+
+class VisionEgo:
+    """Drives by what the camera shows; `act` raises ValueError where there is no picture of the right shape."""
+
+    name = "vision"
+    wants_camera = True
+
+    def __init__(self, weights: Path = WEIGHTS):
+        import onnxruntime  # here because it takes longer to import than the other egos together
+
+        if not weights.is_file():
+            raise WeightsError(f"{weights}: no such weights file")
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 3
+        self._session = onnxruntime.InferenceSession(
+            str(weights), options, providers=["CPUExecutionProvider"]
+        )
+
+    def reset(self, seed: int) -> None:
+        pass
+
+    def act(self, observation: Observation) -> tuple[float, float]:
+        frame = observation.frame
+        if frame is None or frame.shape != FRAME_SHAPE:
+            given = "none" if frame is None else f"one of shape {frame.shape}"
+            raise ValueError(
+                f"the vision ego needs a picture of shape {FRAME_SHAPE}, not {given}; leave width_px = 200 and "
+                "height_px = 66 in the scenario's [camera]"
+            )
+        inputs = {"frame": frame[None], "beside": beside(observation.vector)[None]}
+        acceleration, turn_rate = self._session.run(None, inputs)[0][0]
+        return float(acceleration), float(turn_rate)

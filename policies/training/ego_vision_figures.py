@@ -1,0 +1,66 @@
+"""The vision ego in figures: its error against the expert, and what becomes of its drives, weather by weather."""
+
+import numpy as np
+from scipy.stats import beta
+
+from policies.egos.protocol import EgoPolicy, Observation
+from policies.training.ego_vision_world import WEATHER_KINDS, VisionWorld
+from policies.training.expert import Expert, mean_action
+from service.sim import step
+
+STEPS = 100  # of a drive of the closed loop: i80-10s
+LONG_STEPS = 900
+OPEN_LOOP = 300  # moments of the open loop in each weather
+
+
+def figures(
+    world: VisionWorld, ego: EgoPolicy, expert: Expert, drives: int, rng: np.random.Generator, progress
+) -> dict:
+    """Open- and closed-loop figures for each weather, with n and 95% intervals."""
+    result: dict[str, dict] = {}
+    task = progress.add_task("figures", total=len(WEATHER_KINDS))
+    for name, weather in WEATHER_KINDS.items():
+        states = world.scattered(OPEN_LOOP, rng)
+        error = []
+        for k in range(OPEN_LOOP):
+            frame = world.camera.render(world.scene, states.poses[k], int(states.own[k]), weather, k)
+            error.append(ego.act(Observation(states.seen[k], 0.0, None, frame)))
+        error = np.array(error) - mean_action(expert, states.seen[:OPEN_LOOP])
+        runs = [world.drive(ego, weather, "i80-10s", STEPS, rng) for _ in range(drives)]
+        long = [world.drive(ego, weather, "i80-10s", LONG_STEPS, rng) for _ in range(max(drives // 10, 1))]
+        result[name] = {
+            "open_loop": {
+                "n": OPEN_LOOP,
+                "rmse_accel_mps2": round(float(np.sqrt(np.mean(error[:, 0] ** 2))), 4),
+                "rmse_turn_rate_radps": round(float(np.sqrt(np.mean(error[:, 1] ** 2))), 5),
+            },
+            "i80_10s": _outcomes(runs),
+            "whole_road": _outcomes(long),
+        }
+        progress.update(task, advance=1)
+    return result
+
+
+def _outcomes(drives: list) -> dict:
+    """Shares of endings and offsets; offsets are those of the lane it is in, after the first two seconds."""
+    status = np.array([d.status for d in drives])
+    late = [np.abs(d.offset_m[20:]).mean() for d in drives if len(d.offset_m) > 20]
+    mean = float(np.mean(late)) if late else float("nan")
+    half = 1.96 * float(np.std(late, ddof=1)) / np.sqrt(len(late)) if len(late) > 1 else float("inf")
+    return {
+        "n": len(drives),
+        "off_road": _share(int((status == step.OFF_ROAD).sum()), len(drives)),
+        "collision": _share(int((status == step.COLLIDED).sum()), len(drives)),
+        "mean_abs_lane_offset_m": {
+            "value": round(mean, 4) if late else None,
+            "ci95": [round(mean - half, 4), round(mean + half, 4)] if np.isfinite(half) else None,
+        },
+        "mean_speed_mps": round(float(np.mean([d.speed_mps.mean() for d in drives])), 3),
+    }
+
+
+def _share(events: int, n: int) -> dict:
+    """A share with its 95% interval (Clopper and Pearson 1934)."""
+    low = 0.0 if events == 0 else float(beta.ppf(0.025, events, n - events + 1))
+    high = 1.0 if events == n else float(beta.ppf(0.975, events + 1, n - events))
+    return {"value": round(events / n, 5), "events": events, "ci95": [round(low, 5), round(high, 5)]}
