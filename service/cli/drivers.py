@@ -17,13 +17,13 @@ def command() -> None:
 
 
 @command.command()
-@click.option("--weights", default="drivers-bc", show_default=True,
+@click.option("--weights", default="drivers-gail", show_default=True,
               help="Shipped weights, or the path of a .safetensors file.")  # fmt: skip
 @click.option("--data", required=True, type=click.Path(path_type=Path),
               help="Folder of the data pack, or of tables that 'tailroad data import' wrote.")  # fmt: skip
 @click.option("--out", default=Path("."), show_default=True, type=click.Path(file_okay=False, path_type=Path),
               help="Folder for NAME-realism.html and NAME-realism.json.")  # fmt: skip
-@click.option("--samples", type=click.IntRange(1, 100), default=4, show_default=True,
+@click.option("--samples", type=click.IntRange(1, 100), default=2, show_default=True,
               help="Rollouts of each recorded window.")  # fmt: skip
 @click.option("--krauss/--no-krauss", default=True, show_default=True,
               help="Also measure SUMO's own driver, which takes minutes.")  # fmt: skip
