@@ -10,7 +10,7 @@ import msgspec
 
 import ce
 from policies.drivers import DriverModel, load_drivers
-from service.egos.open import check_ego, open_ego
+from service.egos.open import camera_elsewhere, check_ego, open_ego
 from service.errors import InputError, StoreError
 from service.safety.measure import open_monitor
 from service.scenario.base import base_distribution
@@ -103,7 +103,15 @@ class Problem:
     def simulator(self, fcd: Path | None = None, gui: bool = False) -> Simulator:
         """A simulator of this job's rollouts, for this process."""
         ego = open_ego(self.job.ego, self.job.scenario, self.corridor)
-        return Simulator(self.job.scenario, self.corridor, self.drivers, ego, fcd=fcd, gui=gui)
+        return Simulator(
+            self.job.scenario,
+            self.corridor,
+            self.drivers,
+            ego,
+            fcd=fcd,
+            gui=gui,
+            open_camera=camera_elsewhere(self.job.scenario),
+        )
 
 
 def _options(method: str, options: dict[str, Any]) -> Any:

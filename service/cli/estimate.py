@@ -25,7 +25,7 @@ from service.cli.options import (
     workers_option,
 )
 from service.cli.progress import progress_bar, stderr
-from service.egos.open import meet_ego
+from service.egos.open import check_ego, meet_ego
 from service.errors import InputError, WorkerError
 from service.exposure import exposure_of
 from service.failures.rerun import Rerunner
@@ -115,6 +115,8 @@ def command(
         if scenario is not None or out is not None:
             raise InputError("--resume takes everything from the run directory; leave out SCENARIO and --out")
         store = RunDirectory.open(resume)
+        for job in store.jobs:
+            check_ego(job.ego)  # a run directory may come from someone else
     else:
         if gamma is None:
             raise InputError("give the event's threshold, as in --gamma 0.2 (seconds of time to collision)")

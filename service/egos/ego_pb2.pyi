@@ -17,28 +17,32 @@ CAMERA_RAW: Camera
 CAMERA_JPEG: Camera
 
 class Request(_message.Message):
-    __slots__ = ("hello", "reset", "observation", "goodbye")
+    __slots__ = ("hello", "reset", "observation", "goodbye", "render")
     HELLO_FIELD_NUMBER: _ClassVar[int]
     RESET_FIELD_NUMBER: _ClassVar[int]
     OBSERVATION_FIELD_NUMBER: _ClassVar[int]
     GOODBYE_FIELD_NUMBER: _ClassVar[int]
+    RENDER_FIELD_NUMBER: _ClassVar[int]
     hello: Hello
     reset: Reset
     observation: Observation
     goodbye: Goodbye
-    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., reset: _Optional[_Union[Reset, _Mapping]] = ..., observation: _Optional[_Union[Observation, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ...) -> None: ...
+    render: Render
+    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., reset: _Optional[_Union[Reset, _Mapping]] = ..., observation: _Optional[_Union[Observation, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ..., render: _Optional[_Union[Render, _Mapping]] = ...) -> None: ...
 
 class Reply(_message.Message):
-    __slots__ = ("welcome", "ready", "action", "refusal")
+    __slots__ = ("welcome", "ready", "action", "picture", "refusal")
     WELCOME_FIELD_NUMBER: _ClassVar[int]
     READY_FIELD_NUMBER: _ClassVar[int]
     ACTION_FIELD_NUMBER: _ClassVar[int]
+    PICTURE_FIELD_NUMBER: _ClassVar[int]
     REFUSAL_FIELD_NUMBER: _ClassVar[int]
     welcome: Welcome
     ready: Ready
     action: Action
+    picture: Picture
     refusal: Refusal
-    def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ready: _Optional[_Union[Ready, _Mapping]] = ..., action: _Optional[_Union[Action, _Mapping]] = ..., refusal: _Optional[_Union[Refusal, _Mapping]] = ...) -> None: ...
+    def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ready: _Optional[_Union[Ready, _Mapping]] = ..., action: _Optional[_Union[Action, _Mapping]] = ..., picture: _Optional[_Union[Picture, _Mapping]] = ..., refusal: _Optional[_Union[Refusal, _Mapping]] = ...) -> None: ...
 
 class Hello(_message.Message):
     __slots__ = ("version", "worker", "scenario", "step_s", "deadline_s")
@@ -213,3 +217,21 @@ class Refusal(_message.Message):
     REASON_FIELD_NUMBER: _ClassVar[int]
     reason: str
     def __init__(self, reason: _Optional[str] = ...) -> None: ...
+
+class Render(_message.Message):
+    __slots__ = ("worker", "scenario", "seed", "frame", "ego", "pose", "weather")
+    WORKER_FIELD_NUMBER: _ClassVar[int]
+    SCENARIO_FIELD_NUMBER: _ClassVar[int]
+    SEED_FIELD_NUMBER: _ClassVar[int]
+    FRAME_FIELD_NUMBER: _ClassVar[int]
+    EGO_FIELD_NUMBER: _ClassVar[int]
+    POSE_FIELD_NUMBER: _ClassVar[int]
+    WEATHER_FIELD_NUMBER: _ClassVar[int]
+    worker: str
+    scenario: str
+    seed: int
+    frame: int
+    ego: int
+    pose: _containers.RepeatedScalarFieldContainer[float]
+    weather: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, worker: _Optional[str] = ..., scenario: _Optional[str] = ..., seed: _Optional[int] = ..., frame: _Optional[int] = ..., ego: _Optional[int] = ..., pose: _Optional[_Iterable[float]] = ..., weather: _Optional[_Iterable[float]] = ...) -> None: ...

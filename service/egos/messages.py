@@ -108,10 +108,10 @@ def frame_of(picture: pb.Picture) -> np.ndarray:
     return cv2.cvtColor(found, cv2.COLOR_BGR2RGB)
 
 
-def reply_of(payload: bytes, wanted: str) -> pb.Reply:
+def reply_of(payload: bytes, wanted: str, most_bytes: int = MAX_REPLY_BYTES) -> pb.Reply:
     """The reply in `payload`, of kind `wanted`; EgoError for anything else, a refusal's own reason included."""
-    if len(payload) > MAX_REPLY_BYTES:
-        raise EgoError(f"the answer has {len(payload)} bytes; at most {MAX_REPLY_BYTES} are taken")
+    if len(payload) > most_bytes:
+        raise EgoError(f"the answer has {len(payload)} bytes; at most {most_bytes} are taken")
     try:
         reply = pb.Reply.FromString(payload)
     except DecodeError as error:

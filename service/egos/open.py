@@ -2,12 +2,14 @@
 
 import importlib
 import re
+from collections.abc import Callable
 
 from policies.egos import EgoPolicy, ego_names, load_ego
 from service.egos.settings import PYTHON_EGO, EgoSettings
 from service.errors import EgoError, InputError
 from service.scenario.schema import Scenario
 from service.sim.road import road_of
+from service.sim.rollout import Eyes
 from sumo_nets.corridor import Corridor
 
 REMOTE = "zenoh:"
@@ -60,6 +62,20 @@ def open_ego(
         service = name.removeprefix(REMOTE)
         return RemoteEgo(service, settings, road_of(corridor), scenario.name, scenario.time.step_s)
     return _python_ego(name) if ":" in name else load_ego(name)
+
+
+def camera_elsewhere(scenario: Scenario, settings: EgoSettings | None = None) -> Callable[[], Eyes] | None:
+    """What opens the camera whose pictures a renderer makes elsewhere; None where they are made in this process."""
+    settings = settings or EgoSettings.from_environment()
+    if settings.renderer is None:
+        return None
+
+    def connect() -> Eyes:
+        from service.egos.remote_camera import RemoteCamera
+
+        return RemoteCamera(scenario, settings)
+
+    return connect
 
 
 def meet_ego(name: str, scenario: Scenario, corridor: Corridor) -> None:

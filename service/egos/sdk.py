@@ -14,26 +14,21 @@ for each worker that calls; a worker runs one rollout at a time. Any policy of `
 """
 
 import contextlib
-import json
 import uuid
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import zenoh
 from google.protobuf.message import DecodeError
 
 from policies.egos import Observation
 from service.egos import ego_pb2 as pb
 from service.egos import messages
-from service.egos.link import SERVICES
-from service.egos.settings import DEFAULT_ADDRESS
+from service.egos.listening import Listening
 from service.errors import EgoError, InputError
 
 MAX_WORKERS = 1024  # sessions kept; beyond, the longest idle is forgotten
-MAX_REQUEST_BYTES = 64 * 1024 * 1024  # a picture of 4000 x 3000 is 36 MB
-WAITING = 4096  # queries at most that wait for the policy
 CAMERAS = {None: pb.CAMERA_NONE, "raw": pb.CAMERA_RAW, "jpeg": pb.CAMERA_JPEG}
 
 
@@ -181,7 +176,7 @@ def refusal(reason: str) -> pb.Reply:
     return pb.Reply(refusal=pb.Refusal(reason=messages.shown(reason)))
 
 
-class Service:
+class Service(Listening):
     """An ego service on the network; use as a context manager. See `serve` for the arguments."""
 
     def __init__(
@@ -189,42 +184,11 @@ class Service:
         make_ego: Callable[[], Any],
         name: str,
         *,
-        listen: str | None = DEFAULT_ADDRESS,
-        connect: str | None = None,
         camera: str | None = None,
         route: bool = False,
-        config: str | None = None,
+        **where: str | None,
     ):
-        self._answering = Answering(make_ego, camera, route)
-        self._key = SERVICES.format(name=name, instance=self._answering.instance)
-        self._session = zenoh.open(_config(listen, connect, config))
-        self._queries = self._session.declare_queryable(self._key, zenoh.handlers.FifoChannel(WAITING))
-        self._life = self._session.liveliness().declare_token(self._key)
-
-    def __enter__(self) -> "Service":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Leave the network; `run` returns."""
-        self._session.close()
-
-    def run(self) -> None:
-        """Answer workers until the service is closed: each time all queries that wait."""
-        while True:
-            try:
-                waiting = [self._queries.recv()]
-                while (more := self._queries.try_recv()) is not None:
-                    waiting.append(more)
-            except zenoh.ZError:
-                return  # closed
-            payloads = [query.payload.to_bytes() if query.payload else b"" for query in waiting]
-            for query, reply in zip(waiting, self._answering.answer(payloads), strict=True):
-                with query:
-                    if reply is not None:
-                        query.reply(self._key, reply.SerializeToString())
+        super().__init__(Answering(make_ego, camera, route), name, **where)
 
 
 def serve(make_ego: Callable[[], Any], name: str, **options: Any) -> None:
@@ -237,18 +201,3 @@ def serve(make_ego: Callable[[], Any], name: str, **options: Any) -> None:
     with Service(make_ego, name, **options) as service, contextlib.suppress(KeyboardInterrupt):
         print(f"ego service {name!r} is ready", flush=True)
         service.run()
-
-
-def _config(listen: str | None, connect: str | None, file: str | None) -> zenoh.Config:
-    if file is not None:
-        return zenoh.Config.from_file(file)
-    config = zenoh.Config()
-    if connect is not None:
-        config.insert_json5("mode", '"client"')
-        config.insert_json5("connect/endpoints", json.dumps([connect]))
-    else:
-        config.insert_json5("mode", '"router"')  # so that other services and their workers can meet here
-        config.insert_json5("listen/endpoints", json.dumps([listen]))
-    config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("transport/link/rx/max_message_size", str(MAX_REQUEST_BYTES))
-    return config

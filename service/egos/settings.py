@@ -5,6 +5,7 @@ the network. The settings are environment variables, so that worker processes ha
 them:
 
     TAILROAD_EGO_ADDRESS      where ego services are: one of them, or a Zenoh router; default tcp/127.0.0.1:7447
+    TAILROAD_RENDERER         where a renderer is (service/egos/renderer.py), if pictures are not to be made here
     TAILROAD_EGO_CONFIG       a Zenoh configuration file instead (TLS, access control)
     TAILROAD_EGO_DEADLINE_S   an answer that takes longer makes the rollout an error; default 1
     TAILROAD_EGO_PATIENCE_S   how long to wait for a service that is not there (yet, or any more); default 10
@@ -33,6 +34,7 @@ class EgoSettings:
     deadline_s: float = 1.0
     patience_s: float = 10.0
     python: frozenset[str] = frozenset()
+    renderer: str | None = None
 
     def __post_init__(self) -> None:
         for name, value in (("deadline", self.deadline_s), ("patience", self.patience_s)):
@@ -40,10 +42,11 @@ class EgoSettings:
                 raise InputError(
                     f"an ego's {name} of {value:g} s cannot be; give 0.001 to {LONGEST_WAIT_S:g} seconds"
                 )
-        if not re.fullmatch(r"(tcp|tls|quic|ws|unixsock-stream)/\S{1,200}", self.address):
-            raise InputError(
-                f"{self.address!r} is not an address of an ego service; give one as in {DEFAULT_ADDRESS}"
-            )
+        for address in (self.address, self.renderer):
+            if address and not re.fullmatch(r"(tcp|tls|quic|ws|unixsock-stream)/\S{1,200}", address):
+                raise InputError(
+                    f"{address!r} is not an address of a service; give one as in {DEFAULT_ADDRESS}"
+                )
         for spec in self.python:
             if not PYTHON_EGO.fullmatch(spec):
                 raise InputError(
@@ -59,6 +62,7 @@ class EgoSettings:
             config=environment.get("TAILROAD_EGO_CONFIG") or None,
             deadline_s=_seconds(environment, "TAILROAD_EGO_DEADLINE_S", default.deadline_s),
             patience_s=_seconds(environment, "TAILROAD_EGO_PATIENCE_S", default.patience_s),
+            renderer=environment.get("TAILROAD_RENDERER") or None,
             python=frozenset(s for s in environment.get("TAILROAD_PYTHON_EGOS", "").split(",") if s),
         )
 
@@ -67,6 +71,7 @@ class EgoSettings:
         return {
             "TAILROAD_EGO_ADDRESS": self.address,
             "TAILROAD_EGO_CONFIG": self.config or "",
+            "TAILROAD_RENDERER": self.renderer or "",
             "TAILROAD_EGO_DEADLINE_S": repr(self.deadline_s),
             "TAILROAD_EGO_PATIENCE_S": repr(self.patience_s),
             "TAILROAD_PYTHON_EGOS": ",".join(sorted(self.python)),

@@ -1,10 +1,11 @@
 """One rollout: a pure function of (scenario, ego, x, noise seed)."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -19,9 +20,6 @@ from service.sim.road import road_of
 from service.sim.sumo import BackgroundTraffic, SumoSession
 from service.sim.world import DriverNetwork, World, action_noise
 from sumo_nets.corridor import Corridor
-
-if TYPE_CHECKING:
-    from service.camera.onboard import OnboardCamera
 
 OUTCOMES = {
     step.RUNNING: "horizon",
@@ -50,6 +48,20 @@ class Observer(Protocol):
     def see(self, world: World, time_s: float, ttc_s: float, action: tuple[float, float] | None) -> None: ...
 
 
+class Eyes(Protocol):
+    """Where an ego's pictures come from."""
+
+    def begin(self, x: np.ndarray, seed: int) -> None: ...
+
+    def picture(self, agents: np.ndarray, count: int, ego: int, step: int) -> np.ndarray: ...
+
+
+def _onboard(scenario: Scenario, corridor: Corridor) -> Eyes:
+    from service.camera.onboard import OnboardCamera  # its kernels take a moment to load
+
+    return OnboardCamera(scenario, corridor)
+
+
 class Simulator:
     """Runs rollouts of one scenario with one ego in this process; use as a context manager."""
 
@@ -61,7 +73,9 @@ class Simulator:
         ego: EgoPolicy,
         fcd: Path | None = None,
         gui: bool = False,
+        open_camera: "Callable[[], Eyes] | None" = None,
     ):
+        """open_camera: makes the camera of an ego that wants one; default: one that renders in this process."""
         self._scenario = scenario
         self._ego = ego
         self._steps = scenario.steps
@@ -77,8 +91,8 @@ class Simulator:
             rays=scenario.safety.rays,
             background_rows=BACKGROUND_ROWS if background else 0,
         )
-        self._corridor = corridor
-        self._camera: OnboardCamera | None = None
+        self._open_camera = open_camera or (lambda: _onboard(scenario, corridor))
+        self._camera: Eyes | None = None
         self._monitor = open_monitor(scenario, len(self._world.agents))
         stations = [scenario.of(vehicle, "station_m") for vehicle in scenario.vehicles]
         self._has_background = background is not None
@@ -110,17 +124,16 @@ class Simulator:
 
     def close(self) -> None:
         self._sumo.close()
-        if (leave := getattr(self._ego, "close", None)) is not None:
-            leave()
+        for part in (self._ego, self._camera):
+            if (leave := getattr(part, "close", None)) is not None:
+                leave()
 
-    def _eyes(self) -> "OnboardCamera | None":
+    def _eyes(self) -> Eyes | None:
         """The ego's camera where it wants one; asked when a rollout has begun: an ego elsewhere has to be met first."""
         if not getattr(self._ego, "wants_camera", False):
             return None
         if self._camera is None:  # only where an ego looks: the scene takes a second
-            from service.camera.onboard import OnboardCamera
-
-            self._camera = OnboardCamera(self._scenario, self._corridor)
+            self._camera = self._open_camera()
         return self._camera
 
     def measured(self) -> np.ndarray | None:

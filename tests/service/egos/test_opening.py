@@ -82,7 +82,9 @@ def test_a_name_that_cannot_be_is_refused(name, told):
 
 
 def test_settings_survive_the_way_through_the_environment():
-    settings = EgoSettings("tls/host:7448", "zenoh.json5", 0.25, 30.0, frozenset({"a.b:C", "d:E"}))
+    settings = EgoSettings(
+        "tls/host:7448", "zenoh.json5", 0.25, 30.0, frozenset({"a.b:C", "d:E"}), "tcp/gpu:7449"
+    )
     assert EgoSettings.from_environment(settings.as_environment()) == settings
     assert EgoSettings.from_environment({}) == NONE
     assert usable_egos(settings) == [*ego_names(), "a.b:C", "d:E"]
