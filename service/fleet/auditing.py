@@ -79,6 +79,15 @@ class Auditing:
             for audit in self.of(job.id)
         )
 
+    def needs_another(self, job: JobState, workers: Workers) -> bool:
+        """Whether a dispute is open that no worker who is here can decide."""
+        return any(
+            audit.disputed
+            and audit.lease is None
+            and not any(self._can(w, audit, job) for w in workers.here.values())
+            for audit in self.of(job.id)
+        )
+
     def returned(self, held: Held) -> None:
         """A lease of an audit ended without an answer."""
         audit = self.open.get(held.key)

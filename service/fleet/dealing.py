@@ -17,24 +17,23 @@ class Dealing:
         self._workers = workers
         self._auditing = auditing
 
-    def deal(self, now: float, slots: list[tuple[str, int]] | None) -> list[E.Instruction]:
-        """Leases for these slots, or for all that wait."""
+    def deal(self, now: float, slots: list[tuple[str, int]] | None, copies: bool) -> list[E.Instruction]:
+        """Leases for these slots, or for all that wait; copies: of stragglers, too."""
         out: list[E.Instruction] = []
+        late = self._stragglers(now) if copies else []
         for slot in list(self._workers.waiting) if slots is None else slots:
-            if not self._any_work():
+            if not (late or self._auditing.open or self._rows_left()):
                 break
             waiting = self._workers.waiting[slot]
             worker = self._workers.here[waiting.ask.worker]
-            lease = self._audit(now, worker, waiting.ask) or self._chunk(now, worker, waiting.ask)
+            lease = self._audit(now, worker, waiting.ask) or self._chunk(now, worker, waiting.ask, late)
             if lease is not None:
                 del self._workers.waiting[slot]
                 out.append(E.Send(waiting.request, lease))
         return out
 
-    def _any_work(self) -> bool:
-        if self._auditing.open:
-            return True
-        return any(job.phase is Phase.WORKING and (job.pending or job.flights) for job in self._jobs.values())
+    def _rows_left(self) -> bool:
+        return any(job.phase is Phase.WORKING and job.pending for job in self._jobs.values())
 
     def _audit(self, now: float, worker: WorkerState, ask: Ask) -> Lease | None:
         audit = self._auditing.wanted(worker, self._jobs)
@@ -48,25 +47,23 @@ class Dealing:
         self._charge(job, expected)
         return Lease(held.id, audit.key, audit.rows, limit)
 
-    def _chunk(self, now: float, worker: WorkerState, ask: Ask) -> Lease | None:
-        able = [
-            job
-            for job in self._jobs.values()
-            if job.phase is Phase.WORKING
-            and not job.paused
-            and worker.id not in job.refused
-            and worker.can_run(job.submitted.ego)
-        ]
-        job = self._next_job([job for job in able if job.pending], ask.job)
+    def _chunk(
+        self, now: float, worker: WorkerState, ask: Ask, late: list[tuple[JobState, Flight]]
+    ) -> Lease | None:
+        job = self._next_job([j for j in self._jobs.values() if j.pending and self._able(worker, j)], ask.job)
         if job is not None:
             rows = job.pending.take(job.chunk_rows(self._policy, self._workers.slots))
             flight = job.flights[rows.start, rows.stop] = Flight(rows)
             return self._lease(now, worker, ask, job, flight)
-        for job in sorted(able, key=lambda job: -job.submitted.priority):
-            straggler = self._straggler(now, job)
-            if straggler is not None:
-                return self._lease(now, worker, ask, job, straggler)
+        for i, (job, flight) in enumerate(late):
+            if self._able(worker, job):
+                del late[i]
+                return self._lease(now, worker, ask, job, flight)
         return None
+
+    def _able(self, worker: WorkerState, job: JobState) -> bool:
+        open_to_all = job.phase is Phase.WORKING and not job.paused
+        return open_to_all and worker.id not in job.refused and worker.can_run(job.submitted.ego)
 
     def _next_job(self, candidates: list[JobState], at_hand: str) -> JobState | None:
         """Of the highest priority the one that has had least for its weight, or the one at hand if that is not far
@@ -81,20 +78,19 @@ class Dealing:
                 return job
         return least
 
-    def _straggler(self, now: float, job: JobState) -> Flight | None:
-        """The chunk that is out for longest, if that is much longer than it should be and nobody else has it too."""
-        late: tuple[float, Flight] | None = None
-        for flight in job.flights.values():
-            if len(flight.leases) != 1:
-                continue
-            held = self._workers.leases[next(iter(flight.leases))]
-            patience = max(
-                self._policy.copy_s,
-                self._policy.copy_factor * (held.expected_s or self._policy.first_limit_s),
-            )
-            if now - held.since > patience and (late is None or held.since < late[0]):
-                late = (held.since, flight)
-        return late[1] if late is not None else None
+    def _stragglers(self, now: float) -> list[tuple[JobState, Flight]]:
+        """Chunks that are out for much longer than they should be and that nobody else has too, the oldest of the
+        highest priority first."""
+        late: list[tuple[int, float, JobState, Flight]] = []
+        for job in self._jobs.values():
+            for flight in job.flights.values():
+                if len(flight.leases) != 1:
+                    continue
+                held = self._workers.leases[next(iter(flight.leases))]
+                expected_s = held.expected_s or self._policy.first_limit_s
+                if now - held.since > max(self._policy.copy_s, self._policy.copy_factor * expected_s):
+                    late.append((-job.submitted.priority, held.since, job, flight))
+        return [(job, flight) for _, _, job, flight in sorted(late, key=lambda one: one[:2])]
 
     def _lease(self, now: float, worker: WorkerState, ask: Ask, job: JobState, flight: Flight) -> Lease:
         span = flight.range

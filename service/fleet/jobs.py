@@ -53,6 +53,7 @@ class JobState:
     )  # of the batch: bits, worker
     refused: dict[str, str] = field(default_factory=dict)  # workers that cannot run it, and why
     known: set[str] = field(default_factory=set)  # workers of which a chunk was audited
+    waiting: bool = False  # for a worker that decides a dispute, and has said so
     told_at: float = 0.0
     told: int = -1
 

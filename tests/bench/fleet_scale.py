@@ -1,0 +1,164 @@
+"""What the scheduler costs: time a chunk with many workers, memory over many rollouts, use of the local cores.
+
+    python -m tests.bench.fleet_scale overhead     200 light workers over real Zenoh, TCP and database
+    python -m tests.bench.fleet_scale memory       10^6 rollouts of bookkeeping
+    python -m tests.bench.fleet_scale efficiency   real rollouts through `tailroad serve` beside a local pool
+
+Light workers are the real worker with a formula for rollouts. Prints one JSON object each.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import resource
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import psutil
+
+import ce
+from service.fleet.messages import Answer, Lease
+from service.fleet.policy import Policy
+from service.fleet.zenoh_link import client_session
+from service.job import Job, Problem, make_job
+from service.pool import LocalPool, Work
+from service.scenario import load_scenario
+from service.store.jobs import JobStore
+from tests.service.fleet import processes as P
+from tests.service.fleet.light import LightFleet, LightRunner, LightWorker, free_port, light_answer
+
+WORKERS, HOSTS = 200, 4
+CHUNK_S = 1.0  # a light worker's chunk takes so long
+
+
+class Slow(LightRunner):
+    """Takes the time of a real chunk, and none of the processor's."""
+
+    def run(self, lease: Lease) -> Answer:
+        time.sleep(CHUNK_S)
+        return light_answer(self.worker, lease)
+
+
+def _host(port: int, host: int, count: int, quick: bool) -> None:
+    """A process with some of the workers, which share a session: 200 of those need more threads than a desk has."""
+    session = client_session([f"tcp/127.0.0.1:{port}"])
+    runner = LightRunner if quick else Slow
+    workers = [LightWorker(port, f"h{host}w{i}", runner, session=session) for i in range(count)]
+    threading.Event().wait()  # until this process is killed
+    assert workers
+
+
+def _job(budget: int) -> Job:
+    return make_job(
+        load_scenario("i80-10s"), "idm", 0.5, "naive", 1, {"budget": budget, "batch_size": 20_000}
+    )
+
+
+def _light_run(policy: Policy, budget: int, workers: int, hosts: int, quick: bool, look) -> None:
+    """Run a job on light workers in other processes; look(fleet, job, done) each second."""
+    context = multiprocessing.get_context("spawn")
+    with tempfile.TemporaryDirectory() as folder:
+        fleet = LightFleet(Path(folder), policy, lock_wait_s=5.0)
+        processes = [
+            context.Process(target=_host, args=(fleet.port, i, workers // hosts, quick), daemon=True)
+            for i in range(hosts)
+        ]
+        for process in processes:
+            process.start()
+        while len(fleet.fleet.workers()) < workers:
+            time.sleep(0.1)
+        job = fleet.fleet.submit(_job(budget)).id
+        over = threading.Event()
+        fleet.hub.listen(lambda event: over.set() if event.body.get("status") == "done" else None)
+        while not over.wait(1.0):
+            look(fleet, job, False)
+        look(fleet, job, True)
+        for process in processes:
+            process.kill()
+        fleet.close()
+
+
+def overhead() -> dict:
+    """Processor time of the scheduler's process for each chunk: scheduling, database, statistics, router and all."""
+    seen: list[tuple[float, float, int]] = []
+
+    def look(fleet: LightFleet, job: str, done: bool) -> None:
+        chunks = fleet.hub.call(lambda s: sum(w.chunks for w in s.workers.here.values())).result()
+        hub = fleet.hub.call(lambda _: time.thread_time()).result()
+        seen.append((time.process_time(), hub, chunks))
+
+    policy = Policy(first_rows=100, max_rows=100, least_chunk_s=CHUNK_S, chunk_s=CHUNK_S, audit_share=0.0)
+    _light_run(policy, 200_000, WORKERS, HOSTS, False, look)
+    busy = [one for one in seen if one[2] > 2 * WORKERS]
+    (all_0, hub_0, chunks_0), (all_1, hub_1, chunks_1) = busy[0], busy[-1]
+    n = chunks_1 - chunks_0
+    return {
+        "workers": WORKERS,
+        "chunks": n,
+        "scheduler_thread_ms_per_chunk": 1e3 * (hub_1 - hub_0) / n,
+        "whole_process_ms_per_chunk": 1e3 * (all_1 - all_0) / n,
+    }
+
+
+def memory() -> dict:
+    """Resident memory of the scheduler's process as rollouts are counted, and what it holds at the end."""
+    seen: dict[int, float] = {}
+    left: dict[str, int] = {}
+
+    def look(fleet: LightFleet, job: str, done: bool) -> None:
+        def held(s) -> dict[str, int]:
+            return {"jobs": len(s.jobs), "leases": len(s.workers.leases), "tickets": len(s.tickets)}
+
+        rollouts = 1_000_000 if done else (fleet.fleet.job(job).rollouts or 0)
+        seen[rollouts // 100_000 * 100_000] = psutil.Process().memory_info().rss / 2**20
+        left.update(fleet.hub.call(held).result())
+
+    _light_run(Policy(max_rows=500, chunk_s=10.0, audit_share=0.02), 1_000_000, 8, 2, True, look)
+    return {"resident_mb_after_rollouts": seen, "held_at_the_end": left,
+            "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10}  # fmt: skip
+
+
+def efficiency(rollouts: int = 4000) -> dict:
+    """Rollouts a second through the fleet over those of a bare local pool, and the share of time workers are busy."""
+    cores = len(os.sched_getaffinity(0))
+    job = make_job(load_scenario("i80-10s"), "lidar", 0.5, "naive", 1, {"budget": rollouts})
+    x, noise = ce.draw(Problem(job).base, 1, "estimate", 0, 0, rollouts)
+    works = [Work(i, x[i : i + 100], noise[i : i + 100]) for i in range(0, rollouts, 100)]
+    with LocalPool(job, cores) as pool:
+        for _ in pool.run(works[: 2 * cores]):  # every process is warm
+            pass
+        began = time.perf_counter()
+        for _ in pool.run(works):
+            pass
+        pool_s = time.perf_counter() - began
+    with tempfile.TemporaryDirectory() as folder, JobStore(f"sqlite:///{folder}/fleet.sqlite") as store:
+        P.submit(store, job)
+        port = free_port()
+        started = [P.serve(Path(folder), port, "--audit-share", "0"), P.worker(port, cores)]
+        P.wait(lambda: P.rollouts(store) >= 100 * cores, started)  # every process is warm
+        first, began = P.rollouts(store), time.perf_counter()
+        worker_0 = store.cost(P.JOB)[0]
+        P.wait_done(store, started, 3000.0)
+        fleet_s = time.perf_counter() - began
+        worker_s = store.cost(P.JOB)[0] - worker_0
+        for process in started:
+            process.kill()
+    return {
+        "cores": cores,
+        "pool_rollouts_per_s": rollouts / pool_s,
+        "fleet_rollouts_per_s": (rollouts - first) / fleet_s,
+        "fleet_over_pool": (rollouts - first) / fleet_s * pool_s / rollouts,
+        "busy_share": worker_s / fleet_s / cores,
+    }
+
+
+if __name__ == "__main__":
+    kinds = {"overhead": overhead, "memory": memory, "efficiency": efficiency}
+    if len(sys.argv) != 2 or sys.argv[1] not in kinds:
+        sys.exit(__doc__)
+    print(json.dumps(kinds[sys.argv[1]](), indent=2))
