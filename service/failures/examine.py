@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from service.failures.events import Events
+from service.failures.events import CHAINS, Events
 from service.failures.kinds import NAMES, kind_of
 from service.failures.memory import Memory
 from service.failures.modes import modes_of
@@ -30,7 +30,7 @@ def look_away(done: int, total: int) -> None:
 class Examined:
     """Dangerous rollouts of a job that were run again.
 
-    sample: positions of the first of them by row, from which shares are counted; again: of the sample and of others
+    sample: positions of those from which shares are counted; again: of the sample and of others
     that were asked for, by position.
     """
 
@@ -48,11 +48,11 @@ def examine(
     folder: Path | None = None,
     watch: Watch = look_away,
 ) -> Examined:
-    """Run the first `most` rollouts by row and those at positions `others` again, except what `folder` remembers.
+    """Run a sample of `most` rollouts and those at positions `others` again, except what `folder` remembers.
 
     traced: positions to return the traces of; these are always run. watch: told of (done, total).
     """
-    sample = np.arange(min(len(events), most))
+    sample = _sample(events, most)
     positions = sorted({*sample.tolist(), *others, *traced})
     memory = Memory(events.record.job, folder)
     keys = {i: ((int(events.iterations[i]), int(events.rows[i])), float(events.f[i])) for i in positions}
@@ -71,6 +71,14 @@ def examine(
     if todo:
         memory.save()
     return Examined(events, sample, again)
+
+
+def _sample(events: Events, most: int) -> np.ndarray:
+    """The first rows, which are as good a sample as any; of chains, which remember, evenly spread ones."""
+    n = len(events)
+    if events.phase != CHAINS or n <= most:
+        return np.arange(min(n, most))
+    return np.unique(np.linspace(0, n - 1, most).round().astype(np.int64))
 
 
 def modes_by_position(examined: Sequence[Examined]) -> list[dict[int, str]]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import ce
-from service.failures.events import Order, events_of
+from service.failures.events import CHAINS, Order, events_of
 from service.failures.examine import EXAMINED, Examined, Watch, examine, look_away, modes_by_position
 from service.failures.objects import Failures
 from service.failures.rerun import Rerunner
@@ -75,7 +75,8 @@ def notes_on(examined: Examined) -> list[str]:
         notes.append("No rollout of the estimation has had f <= gamma.")
     if examined.sample.size < len(events):
         notes.append(
-            f"Modes, shares and their p are of the first {examined.sample.size} of {len(events)} dangerous rollouts."
+            f"Modes, shares and their p are of {'the first ' if events.phase != CHAINS else ''}"
+            f"{examined.sample.size} of {len(events)} dangerous rollouts."
         )
     if isinstance(events.record.estimate, ce.ReplicatedEstimate):
         notes.append(
