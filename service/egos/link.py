@@ -41,27 +41,23 @@ class ZenohLine:
         self._settings = settings
         self._session = _open(settings, patience_s)
         atexit.register(self.close)  # an open session keeps the interpreter from ending
-        self._present: set[str] = set()
-        self._changed = threading.Condition()
-        self._watched: dict[str, zenoh.Subscriber] = {}
         self._asked: tuple[str, zenoh.Querier] | None = None
 
     def wait(self, name: str, patience_s: float) -> bool:
-        key = SERVICES.format(name=name, instance="*")
-        if name not in self._watched:
-            liveliness = self._session.liveliness()
-            self._watched[name] = liveliness.declare_subscriber(key, self._on_life, history=True)
-        start = SERVICES.format(name=name, instance="")
-        with self._changed:
-            return self._changed.wait_for(lambda: any(k.startswith(start) for k in self._present), patience_s)
+        there = threading.Event()
 
-    def _on_life(self, sample: zenoh.Sample) -> None:
-        with self._changed:
+        def on_life(sample: zenoh.Sample) -> None:
             if sample.kind == zenoh.SampleKind.PUT:
-                self._present.add(str(sample.key_expr))
-            else:
-                self._present.discard(str(sample.key_expr))
-            self._changed.notify_all()
+                there.set()
+
+        # only for as long as somebody waits: the thread that calls back would keep the process from ending
+        subscriber = self._session.liveliness().declare_subscriber(
+            SERVICES.format(name=name, instance="*"), on_life, history=True
+        )
+        try:
+            return there.wait(patience_s)
+        finally:
+            subscriber.undeclare()
 
     def ask_all(self, name: str, payload: bytes, deadline_s: float) -> list[bytes]:
         replies = self._session.get(

@@ -17,6 +17,8 @@ from service.egos.open import meet_ego, open_ego
 from service.egos.sdk import Service
 from service.egos.settings import EgoSettings
 from service.errors import EgoError, InputError
+from service.job import Problem, make_job
+from service.pool import LocalPool, Work
 from service.scenario import Scenario
 from service.scenario.base import base_distribution
 from service.sim.rollout import Rollout, Simulator
@@ -293,3 +295,21 @@ def test_nonsense_from_a_service_is_a_recorded_error_with_its_reason(scripted, r
 def test_a_polite_service_drives(scripted, remote, rollouts):
     scripted(lambda request: polite(request).SerializeToString())
     assert rollouts(remote("odd"), 1) == rollouts(Straight(), 1)
+
+
+def test_worker_processes_share_one_service_and_end_when_they_are_done(
+    start_service, address, scenario, monkeypatch
+):
+    start_service(f"from policies.egos.idm import IdmEgo\nserve(IdmEgo, 'idm', listen={address!r})")
+    settings = EgoSettings(address=address, deadline_s=PATIENT, patience_s=PATIENT)
+    for name, value in settings.as_environment().items():
+        monkeypatch.setenv(name, value)
+    found = {}
+    for ego in ("idm", "zenoh:idm"):
+        job = make_job(scenario, ego, 0.5, "naive", 1, {})
+        x, noise = ce.draw(Problem(job).base, 1, "estimate", 0, 0, 12)
+        work = [Work(i, x[i : i + 3], noise[i : i + 3]) for i in range(0, 12, 3)]
+        with LocalPool(job, 2) as pool:
+            chunks = sorted(pool.run(work), key=lambda chunk: chunk.start)
+        found[ego] = [(chunk.f.tobytes(), chunk.errors) for chunk in chunks]
+    assert found["idm"] == found["zenoh:idm"]

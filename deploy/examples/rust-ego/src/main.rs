@@ -56,6 +56,7 @@ impl Service {
                     control: Some(action::Control::Motion(motion)),
                 }))
             }
+            request::Kind::Render(_) => refuse("an ego makes no pictures"),
             request::Kind::Goodbye(goodbye) => {
                 self.workers.remove(&goodbye.worker);
                 None
