@@ -18,7 +18,6 @@ COMMANDS = {
     "schema": "service.cli.schema",
     "scenario": "service.cli.scenario",
     "scene": "service.cli.scene",
-    "scene": "service.cli.scene",
     "nets": "service.cli.nets",
     "train": "service.cli.train",
     "data": "service.cli.data",

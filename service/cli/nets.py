@@ -25,7 +25,7 @@ def command() -> None:
 @EDGES
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def check(network: str, edges: tuple[str, ...], as_json: bool) -> None:
-    """Check a network: length, lanes, smoothness, connections, and for built-in roads the distance to the surveyed lines."""
+    """Check a network: length, lanes, smoothness, connections; for built-in roads the distance to surveyed lines."""
     report = check_net(network, list(edges) or None)
     click.echo(json.dumps(report.to_dict(), indent=2) if as_json else str(report))
     if not report.passed:
