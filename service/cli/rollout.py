@@ -107,10 +107,9 @@ def command(
         f"mean speed {summary['ego_mean_speed_mps']:.1f} m/s"
     )
     if "same_to_the_bit" in summary:
+        same = summary["same_to_the_bit"]
         click.echo(
-            "The same f to the bit as on record."
-            if summary["same_to_the_bit"]
-            else f"On record: {fixed.f!r}."
+            "The same f to the bit as on record." if same else f"On record: {summary['f_on_record']!r}."
         )
     for path in (video, frames, table, fcd):
         if path is not None:
