@@ -45,8 +45,8 @@ fuzz: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.fuzz.run --payloads 100000 --seed 1 --out build/fuzz
 
 bench-fleet: $(VENV)/.installed-dev
-	$(BIN)/python -m tests.bench.fleet_scale overhead
-	$(BIN)/python -m tests.bench.fleet_scale memory
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench.fleet_scale overhead
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench.fleet_scale memory
 	$(BIN)/python -m tests.bench.fleet_scale efficiency
 
 # Every method on every problem with a known answer over 200 seeds: an hour or more; goes on where it was interrupted.

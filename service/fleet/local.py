@@ -19,6 +19,9 @@ class LocalWorker:
         self._command = [sys.executable, "-m", "service.cli", "worker", "--connect", endpoint]
         self._command += ["--procs", str(procs), "--parent", str(os.getpid())]
         self._command += ["--zenoh-config", zenoh_config] if zenoh_config else []
+        self._environment = {
+            "OPENBLAS_NUM_THREADS": "1"
+        } | os.environ  # its processes fill the cores themselves
         self._stopping = threading.Event()
         self._lock = threading.Lock()
         self._process: subprocess.Popen | None = None
@@ -31,7 +34,7 @@ class LocalWorker:
             with self._lock:
                 if self._stopping.is_set():
                     return
-                self._process = subprocess.Popen(self._command, start_new_session=True)
+                self._process = subprocess.Popen(self._command, start_new_session=True, env=self._environment)
             code = self._process.wait()
             if self._stopping.is_set():
                 return
