@@ -95,13 +95,13 @@ def test_estimates_do_not_depend_on_the_order_of_the_rollouts(data):
         )
 
     a, b = made(np.arange(n)), made(order)
-    assert (a.p, a.std_error, a.ci, a.ess, a.max_weight_share) == pytest.approx(
-        (b.p, b.std_error, b.ci, b.ess, b.max_weight_share), rel=1e-12
+    assert (a.p, a.std_error, *a.ci, a.ess, a.max_weight_share) == pytest.approx(
+        (b.p, b.std_error, *b.ci, b.ess, b.max_weight_share), rel=1e-12
     )
     gammas = [-1.0, 0.0, 0.5]
     np.testing.assert_allclose(a.curve(gammas).high, b.curve(gammas).high, rtol=1e-12)
     assert np.all(np.diff(a.curve(gammas).p) >= 0)
-    assert a.ci[0] <= a.p <= a.ci[1]
+    assert a.ci[0] <= min(a.p, 1.0) <= a.ci[1]  # weights of no distribution may add up to more than one
     assert 1.0 - 1e-9 <= a.ess <= a.events + 1e-9 or a.events == 0
 
 
