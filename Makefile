@@ -26,8 +26,9 @@ estimate: $(VENV)/.installed
 	$(BIN)/tailroad estimate i80-10s --ego lidar --gamma 0.5 --method naive --method ce --budget 20000 --seed 1 \
 	  --iterations 4 --samples-per-iteration 1500 --rho 0.1 --mean-box 0.0001 --max-kl 2.5
 
+# Test files are spread over the cores, four at most: many of them start processes of their own.
 test: check
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 check: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
