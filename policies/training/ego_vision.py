@@ -48,14 +48,14 @@ class Arguments:
 
     out: Path  # where the weights and their card go
     seed: int = 1
-    drivers: str = "drivers-bc"  # weights of the drivers around the ego
+    drivers: str = "drivers-gail"  # weights of the drivers around the ego
     scattered: int = 30_000  # moments to begin with
     rounds: int = 2  # of aggregation
     drives: int = 60  # in each round
     drive_steps: int = 220
-    first_steps: int = 800  # of AdamW on the scattered moments
-    round_steps: int = 300  # in each round
-    final_steps: int = 700
+    first_steps: int = 1400  # of AdamW on the scattered moments
+    round_steps: int = 400  # in each round
+    final_steps: int = 900
     batch: int = 64
     rate: float = 1.2e-3  # of learning, at its height
     check_drives: int = 120  # of the final check, in each weather

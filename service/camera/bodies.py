@@ -6,11 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from policies.jit import kernel
+from policies.jit import bare
 from service.camera.columns import (
     ALBEDO,
     CONTACT,
+    EYE,
     FACE_LABEL,
+    FOCAL,
     GLOW,
     LAMPS,
     LIGHTS_ON,
@@ -22,7 +24,7 @@ from service.camera.columns import (
     SUN,
     TO_SUN,
 )  # fmt: skip
-from service.camera.faces import add_face, add_shadow
+from service.camera.faces import SMALLEST, add_face, add_shadow
 from service.camera.labels import VEHICLE_ID, Label
 from service.camera.poses import ACCELERATION_MPS2, LENGTH_M, WIDTH_M, X_M, Y_M
 from service.camera.quads import Builder, Material
@@ -238,7 +240,7 @@ def bodies() -> Bodies:
     )
 
 
-@kernel
+@bare
 def body_of(length_m: float, row: int) -> int:
     """Which body a vehicle has: by its length, and by its row where several fit."""
     if length_m >= TRUCK_LENGTH_M:
@@ -248,7 +250,7 @@ def body_of(length_m: float, row: int) -> int:
     return SUV if (row * 7 + 2) % 5 < 2 else SEDAN
 
 
-@kernel
+@bare
 def add_vehicle(pose: np.ndarray, row: int, cosine: float, sine: float, table: Bodies, camera: np.ndarray,
                 world: np.ndarray, face: np.ndarray, points: np.ndarray, out: np.ndarray, k: int) -> int:  # fmt: skip
     """Add the vehicle in `row` at `pose` to `out` from row k on; returns the new count.
@@ -263,7 +265,20 @@ def add_vehicle(pose: np.ndarray, row: int, cosine: float, sine: float, table: B
     # lamps shine by day too, as bright as at night: add_face multiplies by LAMPS
     lamps = camera[SIGNAL] / max(camera[LAMPS], 1e-6)
     face[0, FACE_LABEL] = VEHICLE_ID + row
+    # the camera in the body's own coordinates, where a face looks away just as it does in the world
+    dx, dy = camera[EYE] - pose[X_M], camera[EYE + 1] - pose[Y_M]
+    eye_x, eye_y = (dx * cosine + dy * sine) / length, (dy * cosine - dx * sine) / width
+    eye_z = camera[EYE + 2] / height
+    far = dx * dx + dy * dy
     for f in range(table.start[body], table.start[body + 1]):
+        away = (
+            (table.corners[f, 0, 0] - eye_x) * table.normal[f, 0]
+            + (table.corners[f, 0, 1] - eye_y) * table.normal[f, 1]
+            + (table.corners[f, 0, 2] - eye_z) * table.normal[f, 2]
+        )
+        look = table.size_m[f] * camera[FOCAL]
+        if away >= 0.0 or look * look < 0.5 * SMALLEST * SMALLEST * far:
+            continue
         # normals scale with the inverse of the lengths
         nx, ny, nz = (
             table.normal[f, 0] / length,
@@ -296,12 +311,15 @@ def add_vehicle(pose: np.ndarray, row: int, cosine: float, sine: float, table: B
     return k
 
 
-@kernel
+@bare
 def add_vehicle_shadow(pose: np.ndarray, row: int, cosine: float, sine: float, table: Bodies, camera: np.ndarray,
-                       points: np.ndarray, out: np.ndarray, k: int) -> int:  # fmt: skip
-    """Darken the road under a vehicle, and where it keeps the sun off; returns the new count of `out`."""
+                       world: np.ndarray, feet: np.ndarray, points: np.ndarray, out: np.ndarray, k: int
+                       ) -> int:  # fmt: skip
+    """Darken the road under a vehicle, and where it keeps the sun off; returns the new count of `out`.
+
+    world (9, 3), whose heights are 0, feet (8, 2) and points (CORNERS, 3) are scratch.
+    """
     length, width, height = pose[LENGTH_M], pose[WIDTH_M], table.height_m[body_of(pose[LENGTH_M], row)]
-    world = np.zeros((9, 3))
     for grown in (0.0, 0.12):
         for i in range(4):
             x = (0.5 * length + grown) * (1.0 if i == 0 or i == 3 else -1.0)
@@ -314,7 +332,6 @@ def add_vehicle_shadow(pose: np.ndarray, row: int, cosine: float, sine: float, t
         return k
     # the hull of the box's footprint and of its top, thrown along the sun's rays
     throw = min(0.85 * height / up, LONGEST_SHADOW_M)
-    feet = np.empty((8, 2))
     for i in range(4):
         x = 0.48 * length * (1.0 if i == 0 or i == 3 else -1.0)
         y = 0.48 * width * (1.0 if i < 2 else -1.0)

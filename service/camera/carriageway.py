@@ -84,10 +84,13 @@ def _wear(corridor: Corridor, at: np.ndarray, b: GroundBuilder) -> None:
     """Wheel tracks in every lane, patches and sealed cracks at places that do not change."""
     rng = np.random.default_rng(8)
     for lane in range(corridor.lane_count):
-        middle = _held(corridor, 0.5 * (corridor.lane_left[lane] + corridor.lane_right[lane]), at)
+        along = at[::2]
+        middle = _held(corridor, 0.5 * (corridor.lane_left[lane] + corridor.lane_right[lane]), along)
         for side in (-0.85, 0.85):
             centre = middle + side
-            b.strip(points(corridor, at, centre + 0.32), points(corridor, at, centre - 0.32), WEAR, TRACK)
+            b.strip(
+                points(corridor, along, centre + 0.32), points(corridor, along, centre - 0.32), WEAR, TRACK
+            )
         for _ in range(int(corridor.length_m / 90.0)):
             begin = rng.uniform(0.0, corridor.length_m - 40.0)
             ends = np.linspace(begin, begin + rng.uniform(3.0, 28.0), 4)

@@ -1,11 +1,12 @@
 """From the scene and the vehicles to the list of polygons that a picture shows."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from policies.exactmath import sincos
-from policies.jit import kernel
+from policies.jit import bare
 from service.camera.bodies import Bodies, add_vehicle, add_vehicle_shadow
 from service.camera.columns import (
     BOTTOM,
@@ -55,7 +56,30 @@ TERRAIN = int(Label.TERRAIN)
 MARKING = int(Label.MARKING)
 
 
-@kernel
+class Scratch(NamedTuple):
+    """Room for the kernels below, which allocate nothing."""
+
+    cells: np.ndarray
+    world: np.ndarray  # (4, 3)
+    hull: np.ndarray  # (9, 3), heights 0
+    feet: np.ndarray  # (8, 2)
+    face: np.ndarray  # (1, FACE)
+    points: np.ndarray  # (CORNERS, 3)
+
+
+def scratch_for(stage: Stage) -> Scratch:
+    """Room for collecting from a scene."""
+    return Scratch(
+        np.zeros(len(stage.cells), np.int64),
+        np.zeros((4, 3)),
+        np.zeros((9, 3)),
+        np.zeros((8, 2)),
+        np.zeros((1, FACE)),
+        np.zeros((CORNERS, 3)),
+    )
+
+
+@bare
 def _visible(cells: np.ndarray, camera: np.ndarray, out: np.ndarray) -> int:
     """Fill `out` with the cells that can be seen, in their order; returns how many."""
     count = 0
@@ -75,14 +99,14 @@ def _visible(cells: np.ndarray, camera: np.ndarray, out: np.ndarray) -> int:
     return count
 
 
-@kernel
+@bare
 def _distance(cells: np.ndarray, c: int, camera: np.ndarray) -> float:
     """From the camera to the nearest point of a cell, at least 0."""
     dx, dy = cells[c, 0] - camera[EYE], cells[c, 1] - camera[EYE + 1]
     return max(math.sqrt(dx * dx + dy * dy) - cells[c, 3], 0.0)
 
 
-@kernel
+@bare
 def _add_line(lines, m, camera, world, points, out, k):
     """Add a painted line as row k; returns the new count.
 
@@ -124,13 +148,13 @@ def _add_line(lines, m, camera, world, points, out, k):
     return add_ground(world, 4, red, green, blue, retro, MARKING, camera, points, out, k)
 
 
-@kernel
-def collect(stage: Stage, bodies: Bodies, poses: np.ndarray, own: int, camera: np.ndarray, cells: np.ndarray,
+@bare
+def collect(stage: Stage, bodies: Bodies, poses: np.ndarray, own: int, camera: np.ndarray, scratch: Scratch,
             out: np.ndarray) -> int:  # fmt: skip
     """Fill `out` (n, POLYGON) and return the count.
 
     Row 0 is the open country's colour; then come the ground in order, shadows, and the solids. poses: (n, 6); `own` is
-    the row that carries the camera and is not drawn, or -1. cells: scratch, one for each of the stage.
+    the row that carries the camera and is not drawn, or -1.
     """
     for c in range(3):
         out[0, COLOUR + c] = stage.country[c] * camera[GROUND_LIGHT + c]
@@ -144,8 +168,9 @@ def collect(stage: Stage, bodies: Bodies, poses: np.ndarray, own: int, camera: n
         out[0, X + i] = 0.0 if i < 2 else camera[WIDTH]
         out[0, Y + i] = top if i == 0 or i == 3 else camera[HEIGHT]
     k = 1
-    world = np.zeros((4, 3))
-    points = np.empty((CORNERS, 3))
+    cells, world, points, face = scratch.cells, scratch.world, scratch.points, scratch.face
+    for j in range(4):
+        world[j, 2] = 0.0
     strips, lines, faces = stage.strips, stage.lines, stage.faces
     found = _visible(stage.cells, camera, cells)
     for layer in range(LAYERS):
@@ -176,8 +201,8 @@ def collect(stage: Stage, bodies: Bodies, poses: np.ndarray, own: int, camera: n
     for row in range(poses.shape[0]):
         if poses[row, LENGTH_M] > 0.0 and not _hidden(poses[row], camera):
             sine, cosine = sincos(poses[row, HEADING_RAD])
-            k = add_vehicle_shadow(poses[row], row, cosine, sine, bodies, camera, points, out, k)
-    face = np.zeros((1, FACE))
+            k = add_vehicle_shadow(poses[row], row, cosine, sine, bodies, camera, scratch.hull, scratch.feet,
+                                   points, out, k)  # fmt: skip
     for row in range(poses.shape[0]):
         if row != own and poses[row, LENGTH_M] > 0.0 and not _hidden(poses[row], camera):
             sine, cosine = sincos(poses[row, HEADING_RAD])
@@ -192,7 +217,7 @@ def collect(stage: Stage, bodies: Bodies, poses: np.ndarray, own: int, camera: n
     return k
 
 
-@kernel
+@bare
 def _hidden(pose: np.ndarray, camera: np.ndarray) -> bool:
     """Whether a vehicle is behind the camera or lost in the air."""
     dx, dy = pose[X_M] - camera[EYE], pose[Y_M] - camera[EYE + 1]

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from policies.jit import kernel
+from policies.jit import bare
 from service.camera.columns import (
     ALBEDO,
     BOTTOM,
@@ -52,7 +52,7 @@ NEAR_M = 0.1
 SMALLEST = 1.2  # faces that look thinner than this many samples are left out
 
 
-@kernel
+@bare
 def add_polygon(world: np.ndarray, n: int, nx: float, ny: float, nz: float, camera: np.ndarray, points: np.ndarray,
                 out: np.ndarray, k: int) -> bool:  # fmt: skip
     """Clip and project the plane convex polygon world (n, 3) into row k of `out`; False when nothing of it is seen.
@@ -121,7 +121,7 @@ def add_polygon(world: np.ndarray, n: int, nx: float, ny: float, nz: float, came
     return True
 
 
-@kernel
+@bare
 def add_face(table: np.ndarray, f: int, camera: np.ndarray, world: np.ndarray, points: np.ndarray, out: np.ndarray,
              k: int) -> int:  # fmt: skip
     """Add the solid's face in row f of `table` (faces, FACE) as row k of `out`; returns the new count.
@@ -156,7 +156,7 @@ def add_face(table: np.ndarray, f: int, camera: np.ndarray, world: np.ndarray, p
     return k + 1
 
 
-@kernel
+@bare
 def add_ground(world: np.ndarray, n: int, red: float, green: float, blue: float, retro: float, label: float,
                camera: np.ndarray, points: np.ndarray, out: np.ndarray, k: int) -> int:  # fmt: skip
     """Add a convex polygon world (n, 3) that lies on the ground as row k of `out`; returns the new count."""
@@ -171,7 +171,7 @@ def add_ground(world: np.ndarray, n: int, red: float, green: float, blue: float,
     return k + 1
 
 
-@kernel
+@bare
 def add_shadow(
     world: np.ndarray, n: int, left: int, camera: np.ndarray, points: np.ndarray, out: np.ndarray, k: int
 ) -> int:

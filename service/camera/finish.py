@@ -3,7 +3,7 @@
 import numpy as np
 
 from policies.exactmath import normals_from_bits
-from policies.jit import kernel
+from policies.jit import bare
 
 NOISE = 1 << 18  # length of the table of standard normals
 NOISE_SCALE = 32  # its entries are int16 of this many to a standard deviation
@@ -16,7 +16,7 @@ def noise_table() -> np.ndarray:
     return np.round(values * NOISE_SCALE).astype(np.int16)
 
 
-@kernel
+@bare
 def mixed(a: int, b: int, c: int) -> int:
     """A number in [0, 2^31) from three."""
     h = np.uint64(a) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(b) * np.uint64(0xC2B2AE3D27D4EB4F)
@@ -27,7 +27,7 @@ def mixed(a: int, b: int, c: int) -> int:
     return int(h & np.uint64(0x7FFFFFFF))
 
 
-@kernel
+@bare
 def add_noise(values: np.ndarray, table: np.ndarray, levels: float, seed: int, frame: int) -> None:
     """Add sensor noise of `levels` (of 255) to the picture `values` (h, 3 w) uint8, in place.
 

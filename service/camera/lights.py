@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from policies.exactmath import sincos
-from policies.jit import kernel
+from policies.jit import bare
 from service.camera.bodies import BRAKE_LIGHT_MPS2, TRUCK_LENGTH_M
 from service.camera.columns import (
     CENTRE_X,
@@ -27,7 +27,7 @@ STREAKS = 14.0  # per mm/h and 10,000 pixels, near 1 mm/h
 RAIN_GREY = 200.0
 
 
-@kernel
+@bare
 def _spot(picture: np.ndarray, x: float, y: float, radius: float, tall: float, red: float, green: float, blue: float
           ) -> None:  # fmt: skip
     """Add a soft spot at pixel position (x, y), `tall` times as high as wide; colours are strengths up to 1."""
@@ -50,7 +50,7 @@ def _spot(picture: np.ndarray, x: float, y: float, radius: float, tall: float, r
                 picture[j, i, c] = np.uint8(value + (255.0 - value) * min(share, 1.0))
 
 
-@kernel
+@bare
 def _lamp(picture: np.ndarray, x: float, y: float, z: float, red: float, green: float, blue: float, strength: float,
           size_m: float, camera: np.ndarray, through_air: np.ndarray, inverse_depth: np.ndarray, samples: int
           ) -> None:  # fmt: skip
@@ -84,7 +84,7 @@ def _lamp(picture: np.ndarray, x: float, y: float, z: float, red: float, green: 
               blue * gleam)  # fmt: skip
 
 
-@kernel
+@bare
 def shine(picture: np.ndarray, poses: np.ndarray, own: int, lamps: np.ndarray, night: float, lights_on: bool,
           camera: np.ndarray, through_air: np.ndarray, inverse_depth: np.ndarray, samples: int) -> None:  # fmt: skip
     """Draw the vehicles' lamps and the street lamps (n, 3) that can be seen into `picture` (h, w, 3)."""
@@ -132,7 +132,7 @@ def shine(picture: np.ndarray, poses: np.ndarray, own: int, lamps: np.ndarray, n
                   through_air, inverse_depth, samples)  # fmt: skip
 
 
-@kernel
+@bare
 def rain_streaks(picture: np.ndarray, rain_mmph: float, brightness: float, seed: int, frame: int) -> None:
     """Draw falling drops as short pale streaks, placed by (seed, frame)."""
     h, w = picture.shape[0], picture.shape[1]

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from policies.jit import kernel
+from policies.jit import bare
 from service.camera.columns import (
     BOTTOM,
     CENTRE_X,
@@ -57,7 +57,7 @@ def tone_table() -> np.ndarray:
     return np.minimum(255.0 * np.sqrt(1.6 * v / (v + 0.6)) + 0.5, 255.0).astype(np.uint8)
 
 
-@kernel
+@bare
 def beam_table(camera: np.ndarray, out: np.ndarray) -> None:
     """Fill `out` (w,) with how a low beam falls off to the sides, for every column of samples."""
     for x in range(out.shape[0]):
@@ -66,7 +66,7 @@ def beam_table(camera: np.ndarray, out: np.ndarray) -> None:
         out[x] = 1.0 / (fall * fall)
 
 
-@kernel
+@bare
 def _beam_height(below: float) -> float:
     """How bright a low beam is at the tangent `below` the horizon: it is cut off a little below it."""
     if below > 0.012:
@@ -74,7 +74,7 @@ def _beam_height(below: float) -> float:
     return 0.06 + 0.94 * max(1.0 + (below - 0.012) * 40.0, 0.0)
 
 
-@kernel
+@bare
 def _through(distance: float, step_m: float, through_air: np.ndarray) -> float:
     """What the air lets through over a distance."""
     at = min(distance / step_m, through_air.shape[0] - 1.001)
@@ -84,13 +84,13 @@ def _through(distance: float, step_m: float, through_air: np.ndarray) -> float:
     return a + share * (b - a)
 
 
-@kernel
+@bare
 def _tone(value: float, tones: np.ndarray) -> int:
     """Signal of a radiance in steps of the table."""
     return int(tones[np.uint64(min(max(value, 0.0), TONES - 1.0))])
 
 
-@kernel
+@bare
 def row_table(camera: np.ndarray, through_air: np.ndarray, out: np.ndarray) -> None:
     """Fill `out` (h, ROW): for every row the low beam's height; for rows that show ground also what the air leaves of
     its light, what is added, and 1/z."""
@@ -113,7 +113,7 @@ def row_table(camera: np.ndarray, through_air: np.ndarray, out: np.ndarray) -> N
         out[y, INVERSE_DEPTH] = inverse_depth
 
 
-@kernel
+@bare
 def _even(polygons: np.ndarray, k: int, camera: np.ndarray, through_air: np.ndarray) -> bool:
     """Whether the air leaves about the same of all parts of a polygon."""
     low, high = 1e30, 1e-4
@@ -125,7 +125,7 @@ def _even(polygons: np.ndarray, k: int, camera: np.ndarray, through_air: np.ndar
     return _through(nearest, step_m, through_air) - _through(farthest, step_m, through_air) < 0.02
 
 
-@kernel
+@bare
 def draw(polygons: np.ndarray, count: int, camera: np.ndarray, through_air: np.ndarray, tones: np.ndarray,
          rows: np.ndarray, beams: np.ndarray, first: int, last: int, colours: np.ndarray, depths: np.ndarray,
          labels: np.ndarray, left: np.ndarray, right: np.ndarray) -> None:  # fmt: skip
@@ -196,7 +196,8 @@ def draw(polygons: np.ndarray, count: int, camera: np.ndarray, through_air: np.n
                     high = (((old >> SIXTEEN) & BYTE) * b) >> EIGHT
                     colours[i] = low | (middle << EIGHT) | (high << SIXTEEN)
                 continue
-            for a in range(begin, end, run):
+            a = begin
+            while a < end:  # a range with a step would divide
                 stop = min(a + run, end)
                 i0, i1 = np.uint64(line + a), np.uint64(line + stop)
                 x = 0.5 * (a + stop)
@@ -232,6 +233,7 @@ def draw(polygons: np.ndarray, count: int, camera: np.ndarray, through_air: np.n
                     if want_labels:
                         for i in range(i0, i1):
                             labels[i] = label
+                    a = stop
                     continue
                 base, step = np.float32(dx * (a + 0.5) + dy * (y + 0.5) + at_0), np.float32(dx)
                 if want_labels:
@@ -243,3 +245,4 @@ def draw(polygons: np.ndarray, count: int, camera: np.ndarray, through_air: np.n
                     nearer = here > depths[i]
                     depths[i] = here if nearer else depths[i]
                     colours[i] = colour if nearer else colours[i]
+                a = stop

@@ -9,7 +9,7 @@ import numpy as np
 from policies.exactmath import sincos
 from service.camera import columns as C
 from service.camera.bodies import BRAKE_LIGHT_MPS2, bodies
-from service.camera.collect import collect
+from service.camera.collect import Scratch, collect, scratch_for
 from service.camera.finish import add_noise, noise_table
 from service.camera.lens import lens_of
 from service.camera.lights import rain_streaks, shine
@@ -62,7 +62,8 @@ class Camera:
         self._tones = tone_table()
         self._clouds = cloud_texture()
         self._noise = noise_table()
-        self._cells = np.zeros(0, np.int64)
+        self._scratch: Scratch | None = None
+        self._radiance = np.zeros(3)
         self._weather: Weather | None = None
         self._state = np.zeros(C.CAMERA)
         self._state[C.FOCAL] = SAMPLES * lens.focal_px
@@ -152,13 +153,13 @@ class Camera:
         """Fill the level picture, and its inverse depths and labels."""
         if weather is not self._weather and weather != self._weather:
             self._set_weather(weather)
-        if len(self._cells) < len(scene.stage.cells):
-            self._cells = np.zeros(len(scene.stage.cells), np.int64)
+        if self._scratch is None or len(self._scratch.cells) < len(scene.stage.cells):
+            self._scratch = scratch_for(scene.stage)
         self._place(poses[ego])
         state, air, tones, polygons = self._state, self._light.transmittance, self._tones, self._polygons
-        count = collect(scene.stage, self._bodies, poses, ego, state, self._cells, polygons)
+        count = collect(scene.stage, self._bodies, poses, ego, state, self._scratch, polygons)
         through = float(air[int(AIR_M / RANGE_STEP_M)])
-        sky = sky_knots(state, through, tones, self._clouds, self._step, self._knots)
+        sky = sky_knots(state, through, tones, self._clouds, self._step, self._radiance, self._knots)
         row_table(state, air, self._rows)
         width, colours, depths = self._width, self._colours, self._depths
         label = self._labels if labels else NOTHING

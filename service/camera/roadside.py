@@ -217,18 +217,18 @@ def plants(corridor: Corridor, side: int, free: Free, b: Builder, rng: np.random
 def _crown(
     b: Builder, p: np.ndarray, low: float, high: float, half: float, leaves: Material, turn: float
 ) -> None:
-    """A lump of leaves: two rings of six corners and a tip."""
-    angle = turn + np.arange(6) * np.pi / 3
+    """A lump of leaves: rings of five corners."""
+    angle = turn + np.arange(5) * np.pi * 0.4
     middle = np.array([*p, 0.5 * (low + high)])
     rings = []
-    for share, wide in ((0.0, 0.55), (0.35, 1.0), (0.75, 0.75), (1.0, 0.22)):
+    for share, wide in ((0.0, 0.6), (0.4, 1.0), (1.0, 0.3)):
         z = low + share * (high - low)
         rings.append([(p[0] + wide * half * np.cos(t), p[1] + wide * half * np.sin(t), z) for t in angle])
     for k, (a, c) in enumerate(itertools.pairwise(rings)):
-        shade = 0.72 + 0.2 * k
+        shade = 0.75 + 0.3 * k
         tone = Material(tuple(float(v * shade) for v in leaves.albedo), leaves.label)  # type: ignore[arg-type]
-        for i in range(6):
-            j = (i + 1) % 6
+        for i in range(5):
+            j = (i + 1) % 5
             b.quad([a[i], a[j], c[j], c[i]], tone, middle)
 
 
@@ -267,7 +267,7 @@ def _block(b: Builder, base: np.ndarray, floors: int, colour: tuple[float, float
         towards = road - middle[:2]
         if outward @ towards < -0.3 * np.hypot(*towards):
             continue
-        pieces = 1 if outward @ towards < 0.5 * np.hypot(*towards) else 2
+        pieces = 2 if floors > 8 and outward @ towards > 0.5 * np.hypot(*towards) else 1
         for floor in range(0, floors, step):
             low = floor * 3.4 + 1.3
             high = min(low + step * 3.4 - 1.7, height - 0.6)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from policies.jit import kernel
+from policies.jit import bare
 from service.camera.columns import (
     CENTRE_X,
     CENTRE_Y,
@@ -46,7 +46,7 @@ def cloud_texture() -> np.ndarray:
     return (total - low) / (high - low)
 
 
-@kernel
+@bare
 def _radiance(x: float, y: float, z: float, camera: np.ndarray, clouds: np.ndarray, out: np.ndarray) -> None:
     """Radiance (3,) of the sky in the unit direction (x, y, z)."""
     height = max(z, 0.0)
@@ -75,7 +75,7 @@ def _radiance(x: float, y: float, z: float, camera: np.ndarray, clouds: np.ndarr
         out[k] = clear + cover * (lit - clear)
 
 
-@kernel
+@bare
 def _knots(y: float, step: int, camera: np.ndarray, through: float, tones: np.ndarray, clouds: np.ndarray,
            radiance: np.ndarray, out: np.ndarray) -> None:  # fmt: skip
     """Fill `out` (columns, 3) with signals along the picture's row y, `step` samples apart."""
@@ -95,18 +95,20 @@ def _knots(y: float, step: int, camera: np.ndarray, through: float, tones: np.nd
             out[i, c] = np.float32(tone)
 
 
-@kernel
-def sky_knots(camera: np.ndarray, through: float, tones: np.ndarray, clouds: np.ndarray, step: int, out: np.ndarray
-              ) -> int:  # fmt: skip
-    """Fill `out` (bands + 1, columns, 3) with signals at knots `step` samples apart; returns the rows of sky."""
+@bare
+def sky_knots(camera: np.ndarray, through: float, tones: np.ndarray, clouds: np.ndarray, step: int,
+              radiance: np.ndarray, out: np.ndarray) -> int:  # fmt: skip
+    """Fill `out` (bands + 1, columns, 3) with signals at knots `step` samples apart; returns the rows of sky.
+
+    radiance (3,) is scratch.
+    """
     last = min(max(math.ceil(camera[HORIZON] - 0.5), 0), int(camera[HEIGHT]))
-    radiance = np.empty(3)
     for band in range((last + step - 1) // step + 1):
         _knots(np.float64(min(band * step, last)), step, camera, through, tones, clouds, radiance, out[band])
     return last
 
 
-@kernel
+@bare
 def sky_rows(knots: np.ndarray, step: int, sky: int, width: int, first: int, last: int, colours: np.ndarray,
              depths: np.ndarray, labels: np.ndarray) -> None:  # fmt: skip
     """Fill rows [first, last) as far as they show sky, the picture's first `sky` rows; first is even."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from policies.exactmath import exp, log, sincos
-from policies.jit import kernel
+from policies.jit import bare
 from service.scenario.base import weather_values
 from service.scenario.schema import Scenario
 
@@ -136,7 +136,7 @@ def light_of(weather: Weather) -> Light:
     )
 
 
-@kernel
+@bare
 def _fill_transmittance(extinction_per_m: float, out: np.ndarray) -> None:
     for i in range(out.shape[0]):
         out[i] = exp(-extinction_per_m * RANGE_STEP_M * i)
