@@ -34,14 +34,14 @@ def figures(
                 "rmse_accel_mps2": round(float(np.sqrt(np.mean(error[:, 0] ** 2))), 4),
                 "rmse_turn_rate_radps": round(float(np.sqrt(np.mean(error[:, 1] ** 2))), 5),
             },
-            "i80_10s": _outcomes(runs),
-            "whole_road": _outcomes(long),
+            "i80_10s": outcomes(runs),
+            "whole_road": outcomes(long),
         }
         progress.update(task, advance=1)
     return result
 
 
-def _outcomes(drives: list) -> dict:
+def outcomes(drives: list) -> dict:
     """Shares of endings and offsets; offsets are those of the lane it is in, after the first two seconds."""
     status = np.array([d.status for d in drives])
     late = [np.abs(d.offset_m[20:]).mean() for d in drives if len(d.offset_m) > 20]
