@@ -72,11 +72,9 @@ class Comparison:
             found = (libsumo.vehicle.getRoadID(name), libsumo.vehicle.getLaneIndex(name))
             if found[0].startswith(":"):  # on the 0.1 m between two edges the lane's index has to do
                 found = (lanes[1][0], found[1])
-            if (
-                found not in lanes
-                and abs(agent[A.LEFT_MARKING_M]) > 0.05
-                and abs(agent[A.RIGHT_MARKING_M]) > 0.05
-            ):
+            # SUMO goes by the front bumper, the kernels by the centre: near a marking the two may be in different lanes
+            near = 0.05 + half * abs(math.sin(agent[A.LANE_HEADING_RAD]))
+            if found not in lanes and min(abs(agent[A.LEFT_MARKING_M]), abs(agent[A.RIGHT_MARKING_M])) > near:
                 self.wrong_lanes.append((name, time_s, found, lanes[1]))
 
 
