@@ -166,11 +166,13 @@ class LightFleet:
         self.wait(lambda told: any(e.job == job and e.body.get("status") == status for e in told))
 
     def wait_rollouts(self, job: str, least: int) -> None:
-        self.wait(
-            lambda told: any(
-                e.job == job and e.kind == "progress" and e.body["rollouts"] >= least for e in told
-            )
-        )
+        """Until that many are run, or all."""
+
+        def enough(event: Event) -> bool:
+            ran = event.body["rollouts"] if event.kind == "progress" else 0
+            return event.job == job and (ran >= least or event.body.get("status") == "done")
+
+        self.wait(lambda told: any(enough(event) for event in told))
 
     def close(self) -> None:
         self.shut()

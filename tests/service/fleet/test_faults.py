@@ -49,7 +49,9 @@ from tests.service.fleet.light import (
     light_fleet,
 )
 
-POLICY = Policy(chunk_s=0.5, first_rows=20, hold_s=1.0, progress_s=0.0, audit_share=0.0, copy_s=0.5)
+POLICY = Policy(
+    chunk_s=0.5, first_rows=20, max_rows=40, hold_s=1.0, progress_s=0.0, audit_share=0.0, copy_s=0.5
+)
 AUDITED = replace(POLICY, audit_share=0.2, open_audits=1000)
 PATIENT = replace(POLICY, copy_s=1e6, limit_s=1e6, first_limit_s=1e6)  # nobody is doubted
 
