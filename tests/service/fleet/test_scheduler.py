@@ -56,7 +56,9 @@ def serve(world: World, worker: str, slot: int = 0) -> None:
 def test_rows_that_came_of_a_wrong_value_are_not_taken_for_those_that_replace_them():
     """A whole iteration is wrong and the next one has begun before the audit comes back: its rows are others after
     the repair, though they have the same numbers, and an answer to the old ones is still on its way."""
-    world = World({"j": "ce"}, Policy(first_rows=50, max_rows=50, audit_share=1.0, open_audits=1))
+    world = World(
+        {"j": "ce"}, Policy(first_rows=80, max_rows=80, chunk_s=60.0, audit_share=1.0, open_audits=1)
+    )
     world.join("bad", 1, wrong=True)
     settle(world)
     while world.turns["j"].number == 0:
