@@ -6,6 +6,7 @@ Scheduler, database and Zenoh are the real ones; the rollouts are a formula. Pro
 from __future__ import annotations
 
 import sqlite3
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -52,8 +53,8 @@ from tests.service.fleet.light import (
 POLICY = Policy(
     chunk_s=0.5, first_rows=20, max_rows=40, hold_s=1.0, progress_s=0.0, audit_share=0.0, copy_s=0.5
 )
-AUDITED = replace(POLICY, audit_share=0.2, open_audits=1000)
 PATIENT = replace(POLICY, copy_s=1e6, limit_s=1e6, first_limit_s=1e6)  # nobody is doubted
+AUDITED = replace(PATIENT, audit_share=0.2, open_audits=1000)
 
 
 @pytest.fixture(scope="module")
@@ -205,9 +206,14 @@ def test_a_message_that_is_too_long_is_refused_unread(tmp_path):
 
 
 class Wrong(LightRunner):
-    """Its values are off by the smallest amount there is."""
+    """Its values are off by the smallest amount there is. It holds its first chunk until others are at work."""
+
+    leased = threading.Event()
+    others_work = threading.Event()
 
     def run(self, lease: Lease) -> Answer:
+        self.leased.set()
+        assert self.others_work.wait(LIMIT_S)
         good = light_answer(self.worker, lease)
         return altered(good, f=np.nextafter(np.frombuffer(good.f), np.inf).tobytes())
 
@@ -218,9 +224,14 @@ def test_wrong_values_are_found_by_an_audit_and_all_of_that_worker_s_chunks_are_
     with light_fleet(tmp_path, AUDITED) as fleet:
         job_id = fleet.fleet.submit(job).id
         wrong = LightWorker(fleet.port, "wrong", Wrong)
+        assert Wrong.leased.wait(LIMIT_S)
+        honest = [LightWorker(fleet.port, f"honest{i}") for i in range(2)]
         fleet.wait_rollouts(job_id, 200)
-        finish(fleet, job_id, workers=2)
+        Wrong.others_work.set()
         wrong.join()
+        fleet.wait_status(job_id, "done")
+        for worker in honest:
+            worker.stop()
         assert "its values for rows" in wrong.refusal
         assert_same(fleet, job_id, right)
         assert [w.id for w in fleet.fleet.workers() if w.quarantine] == ["wrong"]
