@@ -3,6 +3,7 @@ translates to and from its own words. Methods may be called from any thread.
 """
 
 import secrets
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,7 +14,7 @@ import ce
 from service.errors import InputError
 from service.fleet import events as E
 from service.fleet.errors import NoSuchJob
-from service.fleet.hub import OPEN, Hub
+from service.fleet.hub import Hub
 from service.fleet.scheduler import Scheduler
 from service.job import Job
 from service.record import JobRecord, replay
@@ -70,6 +71,7 @@ class Fleet:
     def __init__(self, hub: Hub):
         self._hub = hub
         self._store = hub.store
+        self._submitting = threading.Lock()
 
     # -- jobs ------------------------------------------------------------------------------------------------
 
@@ -82,10 +84,11 @@ class Fleet:
             raise InputError(f"weight {weight}: give a number from 0.01 to 100")
         if len(label) > 200:
             raise InputError(f"the label has {len(label)} characters; give at most 200")
-        if len(self._store.jobs_with(OPEN)) >= MAX_OPEN_JOBS:
-            raise InputError(f"there are {MAX_OPEN_JOBS} open jobs; wait for some to end, or cancel some")
-        row = self._store.add_job(f"j{secrets.token_hex(6)}", job, priority, weight, label, "running")
-        self._hub.take_up(row)
+        with self._submitting:  # so that of several that come together each counts those before it
+            if self.open_jobs() >= MAX_OPEN_JOBS:
+                raise InputError(f"there are {MAX_OPEN_JOBS} open jobs; wait for some to end, or cancel some")
+            row = self._store.add_job(f"j{secrets.token_hex(6)}", job, priority, weight, label, "running")
+            self._hub.take_up(row)
         return self._view(row, {})
 
     def jobs(self, after: int = 0, limit: int = 100) -> list[JobView]:

@@ -19,6 +19,15 @@ from service.store.records import ChunkRecord
 from service.store.tables import audits, chunks, events, iterations, jobs, quarantine, voids
 
 STATUS = "status"  # the kind of event whose last one is the job's status
+_STATUS = (
+    sa.select(events.c.body)
+    .where(events.c.job == jobs.c.id, events.c.kind == STATUS)
+    .order_by(events.c.number.desc())
+    .limit(1)
+    .scalar_subquery()
+    .label("status")
+)
+_WITH_STATUS = sa.select(jobs, _STATUS)
 
 
 class JobRow(msgspec.Struct, frozen=True):
@@ -94,17 +103,20 @@ class JobStore:
         return JobRow(job_id, number, job, priority, weight, label, now, status, "")
 
     def job(self, job_id: str) -> JobRow | None:
-        return next(iter(self._jobs(sa.select(jobs).where(jobs.c.id == job_id))), None)
+        return next(iter(self._jobs(_WITH_STATUS.where(jobs.c.id == job_id))), None)
 
     def jobs(self, after: int = 0, limit: int = 100) -> list[JobRow]:
         """Jobs in the order of submission, those after number `after`."""
-        query = sa.select(jobs).where(jobs.c.number > after).order_by(jobs.c.number).limit(limit)
+        query = _WITH_STATUS.where(jobs.c.number > after).order_by(jobs.c.number).limit(limit)
         return list(self._jobs(query))
 
     def jobs_with(self, statuses: Iterable[str]) -> list[JobRow]:
-        """All jobs that have one of these statuses."""
+        """All jobs that have one of these statuses. It looks at the status of every job there is, and reads those that
+        have one of these."""
         wanted = set(statuses)
-        return [row for row in self._jobs(sa.select(jobs).order_by(jobs.c.number)) if row.status in wanted]
+        every = self._read(sa.select(jobs.c.id, _STATUS).order_by(jobs.c.number))
+        found = (self.job(row.id) for row in every if msgspec.json.decode(row.status)["status"] in wanted)
+        return [row for row in found if row is not None]
 
     def add_event(self, job_id: str, kind: str, body: dict[str, Any]) -> Event:
         """Record what a job tells; its number is one more than the job's last."""
@@ -127,13 +139,7 @@ class JobStore:
 
     def _jobs(self, query: sa.Select) -> Iterator[JobRow]:
         for row in self._read(query):
-            last = (
-                sa.select(events.c.body)
-                .where(events.c.job == row.id, events.c.kind == STATUS)
-                .order_by(events.c.number.desc())
-                .limit(1)
-            )
-            status = msgspec.json.decode(self._read(last)[0].body)
+            status = msgspec.json.decode(row.status)
             job = msgspec.json.decode(row.spec, type=Job)
             yield JobRow(row.id, row.number, job, row.priority, row.weight, row.label, row.at,
                          status["status"], status["reason"])  # fmt: skip

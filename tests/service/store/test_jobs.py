@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import threading
 
+import msgspec
 import numpy as np
 import pytest
+import sqlalchemy as sa
 
 import ce
 from service.errors import StoreError
 from service.job import Job, make_job
 from service.store import Chunk, Origin
 from service.store.jobs import AuditRow, JobStore
+from service.store.tables import jobs
 
 
 @pytest.fixture
@@ -64,6 +67,27 @@ def test_the_last_status_counts_and_all_are_kept(store):
     assert [e.number for e in store.events("a", after=1)] == [2, 3]
     assert [row.id for row in store.jobs_with(["paused"])] == ["a"]
     assert store.jobs_with(["running"]) == []
+
+
+def test_jobs_are_listed_with_their_status_in_one_query(store, job):
+    for name in "bcd":
+        store.add_job(name, job, 0, 1.0, "", "running")
+    store.add_event("c", "status", {"status": "done", "reason": ""})
+    asked = []
+    sa.event.listen(
+        store._engine, "before_cursor_execute", lambda _1, _2, statement, *_: asked.append(statement)
+    )
+    assert [row.status for row in store.jobs()] == ["running", "running", "done", "running"]
+    assert sum(statement.startswith("SELECT") for statement in asked) == 1
+
+
+def test_jobs_of_other_statuses_are_not_read_to_find_those_of_one(store, job):
+    store.add_job("b", job, 0, 1.0, "", "done")
+    with store._engine.begin() as connection:
+        connection.execute(sa.update(jobs).where(jobs.c.id == "b").values(spec="not JSON"))
+    assert [row.id for row in store.jobs_with(["running"])] == ["a"]
+    with pytest.raises(msgspec.DecodeError):
+        store.jobs_with(["done"])
 
 
 def test_chunks_come_back_to_the_bit_with_where_they_come_from(store):
