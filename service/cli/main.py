@@ -36,6 +36,7 @@ COMMANDS = {
     "batch": "service.cli.batch",
     "get": "service.cli.get",
     "health": "service.cli.health",
+    "dashboard": "service.cli.dashboard",
 }
 INTERRUPTED = 130
 

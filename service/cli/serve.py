@@ -1,15 +1,21 @@
-"""`tailroad serve`: scheduler, router and local workers of one machine, in one command."""
+"""`tailroad serve`: scheduler, router, local workers and dashboard of one machine, in one command."""
 
 import signal
 import threading
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from service.cli.api_options import ApiSettings, api_options, metrics_of
+from service.cli.dashboard import DEFAULT_ADDRESS, OFF, address_or_off
 from service.cli.options import core_count
 
+if TYPE_CHECKING:
+    from service.fleet.kept import Kept
+
+WORKER_DRAIN_S, DASHBOARD_DRAIN_S = 60.0, 5.0  # what each is given to end
 LOOPBACK = ("/127.", "/localhost:", "/[::1]")
 
 
@@ -27,6 +33,8 @@ LOOPBACK = ("/127.", "/localhost:", "/[::1]")
               help="Share of the chunks that a second worker runs again, to compare.")  # fmt: skip
 @click.option("--chunk-seconds", type=click.FloatRange(0.01, 600), default=1.0, show_default=True,
               help="Work of a chunk: what a lost worker costs, and how often one asks.")  # fmt: skip
+@click.option("--dashboard", default=DEFAULT_ADDRESS, show_default=True, metavar="[HOST:]PORT|off",
+              callback=address_or_off, help="Where browsers find the dashboard.")  # fmt: skip
 @click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
               help="Zenoh configuration file, for TLS, passwords and access control.")  # fmt: skip
 def command(
@@ -36,6 +44,7 @@ def command(
     workers: int | None,
     audit_share: float,
     chunk_seconds: float,
+    dashboard: str,
     zenoh_config: str | None,
     api: ApiSettings,
 ) -> None:
@@ -46,7 +55,6 @@ def command(
     from service.api.server import Api
     from service.errors import InputError
     from service.fleet.hub import Hub
-    from service.fleet.local import LocalWorker
     from service.fleet.policy import Policy
     from service.fleet.service import Fleet
     from service.fleet.zenoh_link import HubLink, router_session
@@ -80,7 +88,28 @@ def command(
         stack.callback(Api(session, fleet, api.offered, limits, seen).close)
         procs = core_count() if workers is None else workers
         if procs > 0:
-            stack.callback(LocalWorker(listen[0], procs, zenoh_config).stop)
+            stack.callback(_local_worker(listen[0], procs, zenoh_config).stop)
+        if dashboard != OFF:
+            stack.callback(_dashboard(listen[0], dashboard, zenoh_config).stop)
         click.echo(f"serving on {', '.join(listen)}, {procs} local worker processes", err=True)
         stopping.wait()
         click.echo("stopping: what is being run is finished first", err=True)
+
+
+def _local_worker(endpoint: str, procs: int, zenoh_config: str | None) -> "Kept":
+    """Its processes fill the cores themselves, so that the linear algebra of each takes one thread."""
+    from service.fleet.kept import Kept
+
+    arguments = ["worker", "--connect", endpoint, "--procs", str(procs), *_configured(zenoh_config)]
+    return Kept("the local worker", arguments, WORKER_DRAIN_S, {"OPENBLAS_NUM_THREADS": "1"})
+
+
+def _dashboard(endpoint: str, address: str, zenoh_config: str | None) -> "Kept":
+    from service.fleet.kept import Kept
+
+    arguments = ["dashboard", "--connect", endpoint, "--address", address, *_configured(zenoh_config)]
+    return Kept("the dashboard", arguments, DASHBOARD_DRAIN_S, final=(2,))
+
+
+def _configured(zenoh_config: str | None) -> list[str]:
+    return ["--zenoh-config", zenoh_config] if zenoh_config else []

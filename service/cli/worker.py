@@ -6,11 +6,11 @@ import signal
 import socket
 import sys
 import threading
-from multiprocessing.connection import wait
 
 import click
 
 from service.cli.options import core_count
+from service.cli.parent import end_with
 
 NAME_LETTERS = set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_")
 DRAIN_HINT = "finishing what is being run; once more to stop at once"
@@ -60,7 +60,7 @@ def command(
         signal.signal(signal.SIGTERM, stop)
         signal.signal(signal.SIGINT, stop)
         if parent is not None:
-            threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+            threading.Thread(target=end_with, args=(parent,), daemon=True).start()
         try:
             worker.run()
         except NotWanted as error:
@@ -73,13 +73,3 @@ def command(
 def _default_name() -> str:
     host = "".join(c if c in NAME_LETTERS else "-" for c in socket.gethostname())[:40]
     return f"{host}-{os.getpid()}-{secrets.token_hex(2)}"
-
-
-def _end_with(parent: int) -> None:
-    """End at once when the parent process does: this worker is its own."""
-    try:
-        handle = os.pidfd_open(parent)
-    except ProcessLookupError:
-        os._exit(1)
-    wait([handle])
-    os._exit(1)

@@ -10,7 +10,7 @@ import msgspec
 from service.api import objects as O
 from service.api.requests import Submission
 from service.client.errors import Refused
-from service.client.line import Line
+from service.client.line import Line, Subscription
 
 if TYPE_CHECKING:
     from service.failures.objects import Failures
@@ -25,9 +25,11 @@ T = TypeVar("T")
 
 
 class Client:
-    """A client of the service at one of the endpoints; a context manager. timeout_s: for an answer.
+    """A client of the service at one of the endpoints; a context manager. timeout_s: for an answer; patience_s: for one
+    that the service still computes.
 
-    Methods raise Refused where the service refuses, NoAnswer where nobody answers in time.
+    Methods may be called from any thread. They raise Refused where the service refuses, NoAnswer where nobody answers
+    in time.
     """
 
     def __init__(
@@ -35,8 +37,10 @@ class Client:
         connect: str | Sequence[str] = DEFAULT_ENDPOINT,
         zenoh_config: str | None = None,
         timeout_s: float = 20.0,
+        patience_s: float = PATIENCE_S,
     ):
         self._line = Line([connect] if isinstance(connect, str) else list(connect), zenoh_config, timeout_s)
+        self._patience_s = patience_s
 
     def __enter__(self) -> "Client":
         return self
@@ -115,8 +119,7 @@ class Client:
     def watch(self, job: str, after: int = 0) -> Iterator[O.Event]:
         """The job's events as they happen, kept ones first, until it is over. None is missed and none told twice; what
         is not kept (number 0: progress, iteration) is told while somebody watches."""
-        key = f"{PREFIX}/jobs/{quote(job, safe='')}/events"
-        with self._line.subscribe(key) as live:
+        with self.subscribe(job) as live:
             while True:
                 page = self.events(job, after)
                 over = False
@@ -142,6 +145,10 @@ class Client:
         for _ in self.watch(job):
             pass
         return self.job(job)
+
+    def subscribe(self, job: str = "*") -> Subscription:
+        """What the job tells from now on, or all jobs do: the JSON of an Event each time."""
+        return self._line.subscribe(f"{PREFIX}/jobs/{job if job == '*' else quote(job, safe='')}/events")
 
     # -- the service -----------------------------------------------------------------------------------------
 
@@ -176,13 +183,13 @@ class Client:
 
     def _wait(self, selector: str, payload: bytes | None) -> bytes:
         """The answer; where it is being computed, when it is there."""
-        until = time.monotonic() + PATIENCE_S
+        until = time.monotonic() + self._patience_s
         while True:
             ok, body = self._line.ask(selector, payload)
             if ok:
                 return body
             refused = Refused(msgspec.json.decode(body, type=O.Problem))
-            if refused.kind not in PASSING or time.monotonic() > until:
+            if refused.kind not in PASSING or time.monotonic() >= until:
                 raise refused
             time.sleep(refused.problem.retry_after_s or 1.0)
 

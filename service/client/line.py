@@ -1,6 +1,7 @@
 """The client's line to a service: one Zenoh session, queries and subscriptions as bytes."""
 
 import queue
+import threading
 from collections.abc import Sequence
 
 import zenoh
@@ -39,6 +40,7 @@ class Line:
 
     def __init__(self, connect: Sequence[str], zenoh_config: str | None, timeout_s: float):
         self._connect, self._config, self._timeout_s = list(connect), zenoh_config, timeout_s
+        self._lock = threading.Lock()
         self._open: zenoh.Session | None = None
 
     def ask(self, selector: str, payload: bytes | None = None) -> tuple[bool, bytes]:
@@ -62,12 +64,13 @@ class Line:
             self._open.close()
 
     def _session(self) -> zenoh.Session:
-        if self._open is None:
-            try:
-                self._open = client_session(self._connect, self._config, self._timeout_s)
-            except SessionError as error:
-                raise NoAnswer(self._hint()) from error
-        return self._open
+        with self._lock:
+            if self._open is None:
+                try:
+                    self._open = client_session(self._connect, self._config, self._timeout_s)
+                except SessionError as error:
+                    raise NoAnswer(self._hint()) from error
+            return self._open
 
     def _hint(self) -> str:
         where = ", ".join(self._connect)

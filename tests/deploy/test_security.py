@@ -215,7 +215,7 @@ def test_wrong_use_of_the_script_is_refused(arguments, tmp_path):
 def test_the_command_line_works_over_tls_for_clients_alone(keys, tmp_path, role, code):
     endpoint = f"tls/127.0.0.1:{free_port()}"
     tailroad = [sys.executable, "-m", "service.cli"]
-    home = ["--home", tmp_path / "home", "--procs", "0"]
+    home = ["--home", tmp_path / "home", "--procs", "0", "--dashboard", "off"]
     serve = [*tailroad, "serve", "--listen", endpoint, "--zenoh-config", keys / "scheduler.json5", *home]
     ask = [
         *tailroad,

@@ -78,7 +78,17 @@ class Process:
 def serve(home: Path, port: int, *more: str, database: str | None = None) -> Process:
     where = ("--database", database) if database else ()
     return Process(
-        "serve", "--home", str(home), "--listen", f"tcp/127.0.0.1:{port}", "--workers", "0", *where, *more
+        "serve",
+        "--home",
+        str(home),
+        "--listen",
+        f"tcp/127.0.0.1:{port}",
+        "--workers",
+        "0",
+        "--dashboard",
+        "off",
+        *where,
+        *more,
     )
 
 

@@ -1,0 +1,90 @@
+"""Which address shows what."""
+
+import logging
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from contextlib import asynccontextmanager
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp
+
+from service.client import NoAnswer, Refused
+from service.dashboard.guard import Guard
+from service.dashboard.pages import jobs
+from service.dashboard.site import Part, Site
+from service.dashboard.trouble import Trouble, trouble_of
+
+log = logging.getLogger("tailroad.dashboard")
+
+Handler = Callable[[Request], Awaitable[Response]]
+
+
+class KeptForGood(StaticFiles):
+    """Files whose address changes with what they hold."""
+
+    def file_response(self, *args, **kwargs) -> Response:
+        response = super().file_response(*args, **kwargs)
+        response.headers["cache-control"] = "public, max-age=31536000, immutable"
+        return response
+
+
+def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
+    """The dashboard as an ASGI application. names: host names that it may be called by."""
+
+    @asynccontextmanager
+    async def lifespan(app: Starlette) -> AsyncIterator[None]:
+        site.live.start()
+        site.link.start()
+        yield
+
+    def parts(path: str, *known: Part) -> Route:
+        """The parts of the page at path, each by itself."""
+        by_name = {part.name: part for part in known}
+
+        async def answer(request: Request) -> Response:
+            part = by_name.get(request.path_params["part"])
+            if part is None:
+                raise HTTPException(404)
+            status, html, again_s = await site.draw_part(part, request)
+            headers = {} if again_s is None else {"retry-after": f"{again_s:.3f}"}
+            return HTMLResponse(html, status, headers)
+
+        return Route(f"{path.rstrip('/')}/parts/{{part}}", answer)
+
+    async def jobs_page(request: Request) -> Response:
+        return await site.page(request, "jobs.html", [jobs.TABLE])
+
+    async def events(request: Request) -> Response:
+        if site.live.full:
+            return PlainTextResponse("Too many pages are open.\n", 503)
+        stream = site.live.stream(request.query_params.get("job"), site.link.here)
+        return StreamingResponse(stream, media_type="text/event-stream")
+
+    async def trouble(request: Request, error: Exception) -> Response:
+        return site.trouble_page(request, trouble_of(error))
+
+    async def wrong_address(request: Request, error: Exception) -> Response:
+        status = error.status_code if isinstance(error, HTTPException) else 500
+        if status == 404:
+            text = f"There is no page {request.url.path[:200]}."
+            return site.trouble_page(request, Trouble(404, "No such page", text, "The links above lead on."))
+        return PlainTextResponse(f"{getattr(error, 'detail', 'error')}\n", status)
+
+    async def failed(request: Request, error: Exception) -> Response:
+        log.exception("page %s", request.url.path, exc_info=error)
+        text = "The dashboard failed on this page; its log says more. The jobs go on."
+        return site.trouble_page(request, Trouble(500, "The dashboard failed", text))
+
+    routes = [
+        Route("/", jobs_page),
+        parts("/", jobs.TABLE),
+        Route("/live", events),
+        Mount("/static", KeptForGood(packages=[("service.dashboard", "static")])),
+    ]
+    handlers = {Refused: trouble, NoAnswer: trouble, HTTPException: wrong_address, Exception: failed}
+    app = Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers)
+    return Guard(app, names, site.read_only)

@@ -1,0 +1,46 @@
+"""What a page says when the service refuses or does not answer: what happened, and what to do."""
+
+from dataclasses import dataclass
+
+from service.api.objects import Wrong
+from service.client import NoAnswer, Refused
+
+AGAIN_S = 2.0
+PASSING = {
+    "working": "Being computed",
+    "busy": "The service is busy",
+    "too-many-requests": "The service is busy",
+}
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """again_s: the same may go well after so many seconds; working: it only takes a while."""
+
+    status: int
+    title: str
+    text: str
+    hint: str = ""
+    errors: tuple[Wrong, ...] = ()
+    again_s: float | None = None
+    working: bool = False
+
+
+def trouble_of(error: Exception) -> Trouble:
+    """As a page tells it."""
+    if isinstance(error, NoAnswer):
+        return Trouble(503, "The service does not answer", str(error),
+                       "This page goes on by itself when it is back.", again_s=AGAIN_S)  # fmt: skip
+    if not isinstance(error, Refused):
+        raise error
+    problem, kind = error.problem, error.kind
+    if kind in PASSING:
+        again_s = problem.retry_after_s or AGAIN_S
+        return Trouble(503, PASSING[kind], problem.detail, again_s=again_s, working=kind == "working")
+    if kind == "no-such-key":
+        return Trouble(501, "This service cannot tell that", problem.detail,
+                       "It is older than this dashboard: update tailroad where `tailroad serve` runs.")  # fmt: skip
+    if kind == "no-such-job":
+        return Trouble(404, problem.title, problem.detail, "The page “Jobs” lists those that there are.")
+    again = problem.retry_after_s if problem.status in (429, 503) else None
+    return Trouble(problem.status, problem.title, problem.detail, errors=problem.errors, again_s=again)
