@@ -44,7 +44,7 @@ def exposure_of(
     ).hexdigest()[:16]
     path = None if folder is None else folder / f"exposure-{key}.json"
     if path is not None:
-        with contextlib.suppress(OSError, msgspec.MsgspecError):
+        with contextlib.suppress(OSError, msgspec.MsgspecError, ValueError, RecursionError):
             return msgspec.json.decode(path.read_bytes(), type=Exposure)
     x, noise = ce.draw(base, STREAM, "estimate", 0, 0, ROLLOUTS)
     found = _mean(rerunner.run(list(zip(x, noise.tolist(), strict=True))), confidence)

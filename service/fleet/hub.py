@@ -156,6 +156,8 @@ class Hub:
         except (TailroadError, ValueError, OSError) as error:
             reply = Refused(str(error))
         answer(encode(reply))
+        if not self._is_open(job):
+            self.statistics.forget(job)
 
     # -- the thread ------------------------------------------------------------------------------------------
 
@@ -189,6 +191,12 @@ class Hub:
     def _handle(self, event: E.Event) -> None:
         for instruction in self._scheduler.handle(self._time.now(), event):
             self._do(instruction)
+        if isinstance(event, E.Opened | E.Stepped) and not self._is_open(event.job):
+            self.statistics.forget(event.job)  # it was over before this came
+
+    def _is_open(self, job: str) -> bool:
+        """From any thread."""
+        return job in self._scheduler.jobs
 
     def _do(self, instruction: E.Instruction) -> None:
         if isinstance(instruction, E.Send):
@@ -211,6 +219,8 @@ class Hub:
 
     def _open(self, instruction: E.Open) -> None:
         job, generation = instruction.job, instruction.generation
+        if not self._is_open(job):
+            return
         try:
             epoch, replay = self.statistics.open(job)
         except Exception as error:  # whatever it is, it is the job's end and nobody else's

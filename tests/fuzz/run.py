@@ -2,7 +2,7 @@
 
 Rounds of up to 500 payloads, each with its own seed; after each the counts and the memory are written to
 OUT/fuzz-SEED.json, and the same command goes on from there. A payload that ends wrongly stops the run and is shown,
-made as small as it gets.
+made as small as it gets. Memory that grows by more than MOST_GROWTH_MB after every target's first round fails it too.
 """
 
 from __future__ import annotations
@@ -17,9 +17,11 @@ from pathlib import Path
 
 from hypothesis import HealthCheck, Phase, given, seed, settings
 
-from tests.fuzz.targets import Target, Targets
+from tests.fuzz.target import Target
+from tests.fuzz.targets import Targets
 
 ROUND = 500
+MOST_GROWTH_MB = 64.0
 PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
@@ -43,7 +45,7 @@ def memory_mb() -> float:
     return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE / 2**20
 
 
-def main() -> None:
+def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--payloads", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=1)
@@ -52,6 +54,8 @@ def main() -> None:
     asked.out.mkdir(parents=True, exist_ok=True)
     path = asked.out / f"fuzz-{asked.seed}.json"
     done = json.loads(path.read_text()) if path.exists() else {"rounds": {}, "memory_mb": []}
+    memory: list[float] = []  # of this process
+    done["memory_mb"].append(memory)
     with tempfile.TemporaryDirectory() as folder, Targets(Path(folder)) as targets:
         rounds = plan(targets.all, asked.payloads)
         for number, (target, count) in enumerate(rounds):
@@ -59,13 +63,14 @@ def main() -> None:
             if name in done["rounds"]:
                 continue
             done["rounds"][name] = run_round(target, count, asked.seed * 1_000_003 + number)
-            done["memory_mb"].append(round(memory_mb(), 1))
+            memory.append(round(memory_mb(), 1))
             path.write_text(json.dumps(done, indent=1))
             print(
                 f"{number + 1}/{len(rounds)} {target.name}: {dict(done['rounds'][name])}, {memory_mb():.0f} MB",
                 flush=True,
             )
-    _summary(done, targets.all)
+        names = [target.name for target in targets.all]
+    return _summary(done, names)
 
 
 def plan(targets: tuple[Target, ...], payloads: int) -> list[tuple[Target, int]]:
@@ -80,18 +85,27 @@ def plan(targets: tuple[Target, ...], payloads: int) -> list[tuple[Target, int]]
     return rounds
 
 
-def _summary(done: dict, targets: tuple[Target, ...]) -> None:
+def _summary(done: dict, names: list[str]) -> int:
+    """Print it; the exit code."""
     total = 0
-    for target in targets:
+    for target in names:
         ends: Counter[str] = Counter()
         for name, counts in done["rounds"].items():
-            if f" {target.name} " in f"{name} ":
+            if f" {target} " in f"{name} ":
                 ends.update(counts)
         total += sum(ends.values())
-        print(f"{target.name}: {sum(ends.values())} payloads: {dict(ends.most_common())}")
-    memory = done["memory_mb"]
-    print(f"{total} payloads, no crash; memory {memory[min(len(memory) - 1, len(targets))]} MB after one round of each "
-          f"target, {memory[-1]} MB at the end")  # fmt: skip
+        print(f"{target}: {sum(ends.values())} payloads: {dict(ends.most_common())}")
+    print(f"{total} payloads, each ended as promised")
+    grown = False
+    for memory in done["memory_mb"]:  # a process each, where the run was interrupted
+        if len(memory) > len(names):
+            first, rest = memory[len(names) - 1], memory[len(names) :]
+            grown |= max(rest) - first > MOST_GROWTH_MB
+            print(f"resident memory over {len(memory)} rounds: {first} MB after one round of each target, "
+                  f"{rest[-1]} MB at the end, {max(memory)} MB at most")  # fmt: skip
+    if grown:
+        print(f"memory grew by more than {MOST_GROWTH_MB:g} MB")
+    return 1 if grown else 0
 
 
 if __name__ == "__main__":

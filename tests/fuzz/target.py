@@ -1,0 +1,19 @@
+"""One thing that is fuzzed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from hypothesis import strategies as st
+
+
+@dataclass(frozen=True)
+class Target:
+    """run: tells how a payload ended, and raises where it did not end as it must; share: of all payloads."""
+
+    name: str
+    payloads: st.SearchStrategy[Any]
+    run: Callable[[Any], str]
+    share: float

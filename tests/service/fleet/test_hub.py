@@ -1,0 +1,24 @@
+"""The hub with its threads: what it keeps of jobs that are over."""
+
+from __future__ import annotations
+
+import time
+
+from service.fleet.jobs import Phase
+from service.fleet.statistics import KEPT
+from service.job import make_job
+from tests.service.fleet.light import LIMIT_S, light_fleet
+
+
+def test_jobs_cancelled_while_they_are_opened_leave_nothing_behind(tmp_path, make_scenario):
+    job = make_job(make_scenario(), "idm", 0.5, "naive", 1, {"budget": 10, "batch_size": 10})
+    with light_fleet(tmp_path) as fleet:
+        for _ in range(KEPT + 4):
+            fleet.fleet.cancel(fleet.fleet.submit(job).id)
+        last = fleet.fleet.submit(job).id
+        deadline = time.monotonic() + LIMIT_S
+        while fleet.hub.call(lambda scheduler: scheduler.jobs[last].phase).result() is not Phase.WORKING:
+            assert time.monotonic() < deadline
+        while len(fleet.hub.statistics._turns) > KEPT + 1:  # one of those before may still be opened
+            assert time.monotonic() < deadline, "more jobs are kept than those that are wanted"
+        assert last in fleet.hub.statistics._turns
