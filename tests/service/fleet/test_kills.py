@@ -153,17 +153,5 @@ def test_the_same_bits_for_any_number_of_workers(tmp_path, store, long_job, long
 
 @pytest.mark.long
 @pytest.mark.timeout(7200)
-def test_fifty_five_workers_are_killed(tmp_path, store, long_job, long_bits):
-    assert run_with_kills(tmp_path, store, long_job, of_workers=55, of_scheduler=0) == long_bits
-
-
-@pytest.mark.long
-@pytest.mark.timeout(7200)
-def test_the_scheduler_is_killed_more_than_twenty_times(tmp_path, store, long_job, long_bits):
-    assert run_with_kills(tmp_path, store, long_job, of_workers=0, of_scheduler=22) == long_bits
-
-
-@pytest.mark.long
-@pytest.mark.timeout(7200)
-def test_workers_and_scheduler_are_killed_together(tmp_path, store, long_job, long_bits):
-    assert run_with_kills(tmp_path, store, long_job, of_workers=20, of_scheduler=10) == long_bits
+def test_fifty_five_workers_and_twenty_two_schedulers_are_killed(tmp_path, store, long_job, long_bits):
+    assert run_with_kills(tmp_path, store, long_job, of_workers=55, of_scheduler=22) == long_bits
