@@ -1,4 +1,4 @@
-"""Runs a job of a run directory on local workers, and tells how far it is."""
+"""Runs a job on local workers, with a run directory (or another record) as its memory, and tells how far it is."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,8 +8,8 @@ import ce
 from service.batches import RecordedBatches
 from service.evaluate import Observe, evaluate
 from service.job import Job, Problem
-from service.pool import LocalPool
-from service.store import Chunk, RunDirectory
+from service.pool import LocalPool, OpenWorld, in_sumo
+from service.store import Chunk, ChunkSource
 from service.tolerance import Tolerance
 
 
@@ -25,13 +25,13 @@ class Watcher:
 class LazyPool:
     """A pool of local workers for a job that starts when first asked for."""
 
-    def __init__(self, job: Job, workers: int):
-        self._job, self._workers = job, workers
+    def __init__(self, job: Job, workers: int, open_world: OpenWorld = in_sumo):
+        self._job, self._workers, self._open_world = job, workers, open_world
         self._pool: LocalPool | None = None
 
     def __call__(self) -> LocalPool:
         if self._pool is None:
-            self._pool = LocalPool(self._job, self._workers)
+            self._pool = LocalPool(self._job, self._workers, self._open_world)
             self._pool.warm_up()
         return self._pool
 
@@ -46,15 +46,20 @@ class LazyPool:
 
 
 def run_job(
-    store: RunDirectory, job: Job, workers: int, watcher: Watcher, max_failed: float = 1.0
+    store: ChunkSource,
+    job: Job,
+    workers: int,
+    watcher: Watcher,
+    max_failed: float = 1.0,
+    open_world: OpenWorld = in_sumo,
 ) -> ce.Estimate:
-    """Run one job of the run to its end, from wherever it stands.
+    """Run one job to its end, from wherever its record in `store` stands.
 
-    max_failed: TooManyFailures where a larger share of its rollouts fails.
+    max_failed: TooManyFailures where a larger share of its rollouts fails; open_world: what the rollouts run in.
     """
     problem = Problem(job)
     algorithm = problem.algorithm
     watcher.on_job(job, algorithm.total_rollouts)
-    with LazyPool(job, workers) as pool:
+    with LazyPool(job, workers, open_world) as pool:
         run_batch = RecordedBatches(store, job, pool, watcher.on_chunk, Tolerance(max_failed))
         return evaluate(algorithm, problem.stream_seed, run_batch, watcher.on_record)

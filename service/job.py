@@ -16,7 +16,9 @@ from service.safety.measure import open_monitor
 from service.scenario.base import base_distribution
 from service.scenario.check import check_road
 from service.scenario.schema import Scenario
+from service.sim.audited import Audited
 from service.sim.rollout import Simulator
+from service.sim.without_sumo import WithoutSumo, can_leave_out_sumo
 from sumo_nets.corridor import Corridor
 
 
@@ -112,6 +114,16 @@ class Problem:
             gui=gui,
             open_camera=camera_elsewhere(self.job.scenario),
         )
+
+
+def without_sumo(job: Job) -> Audited | Simulator:
+    """A world for this process that leaves SUMO out where the job can do without, with one rollout in a hundred run in
+    both and compared (`service.sim.audited`)."""
+    problem = Problem(job)
+    if not can_leave_out_sumo(job.scenario, job.ego):
+        return problem.simulator()
+    alone = WithoutSumo(job.scenario, problem.corridor, problem.drivers, job.ego)
+    return Audited(alone, problem.simulator())
 
 
 def _options(method: str, options: dict[str, Any]) -> Any:

@@ -11,22 +11,38 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from service.errors import WorkerError
 from service.job import Job, Problem
-from service.sim.rollout import OUTCOMES, Simulator
+from service.sim.rollout import OUTCOMES, Rollout
 from service.store import FAILED, Chunk
 
 OUTCOME_CODES = {name: code for code, name in enumerate(OUTCOMES.values())} | {"error": FAILED}
 OUTCOME_NAMES = {code: name for name, code in OUTCOME_CODES.items()}
 
-_simulator: Simulator | None = None  # of this worker process
+
+class RolloutWorld(Protocol):
+    """What runs rollouts: `service.sim.rollout.Simulator`, or another that gives the same bits."""
+
+    def run(self, x: np.ndarray, noise: int) -> Rollout: ...
+
+
+OpenWorld = Callable[[Job], RolloutWorld]  # called in each worker process; a function at a module's top level
+
+
+def in_sumo(job: Job) -> RolloutWorld:
+    """The world that a job's rollouts run in unless something else is asked for."""
+    return Problem(job).simulator()
+
+
+_world: RolloutWorld | None = None  # of this worker process
 
 
 @dataclass(frozen=True)
@@ -41,7 +57,7 @@ class Work:
         return Work(self.start + index, self.x[index : index + 1], self.noise[index : index + 1])
 
 
-def run_chunk(simulator: Simulator, work: Work) -> Chunk:
+def run_chunk(simulator: RolloutWorld, work: Work) -> Chunk:
     """Run a chunk's rollouts in this process."""
     began = time.perf_counter()
     rollouts = [simulator.run(x, int(seed)) for x, seed in zip(work.x, work.noise, strict=True)]
@@ -64,16 +80,16 @@ def end_with_parent() -> None:
     os._exit(1)
 
 
-def _open_worker(job: Job) -> None:
-    global _simulator
+def _open_worker(job: Job, open_world: OpenWorld) -> None:
+    global _world
     threading.Thread(target=end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    _simulator = Problem(job).simulator()
+    _world = open_world(job)
 
 
 def _work(work: Work) -> Chunk:
-    assert _simulator is not None
-    return run_chunk(_simulator, work)
+    assert _world is not None
+    return run_chunk(_world, work)
 
 
 def _ready() -> int:
@@ -83,8 +99,9 @@ def _ready() -> int:
 class LocalPool:
     """Worker processes for one job; use as a context manager."""
 
-    def __init__(self, job: Job, workers: int):
+    def __init__(self, job: Job, workers: int, open_world: OpenWorld = in_sumo):
         self._job = job
+        self._open_world = open_world
         self.workers = workers
         self._executor = self._start()
 
@@ -93,7 +110,7 @@ class LocalPool:
             self.workers,
             mp_context=multiprocessing.get_context("spawn"),
             initializer=_open_worker,
-            initargs=(self._job,),
+            initargs=(self._job, self._open_world),
         )
 
     def __enter__(self) -> "LocalPool":

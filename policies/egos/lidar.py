@@ -23,7 +23,7 @@ class LidarEgo:
     name = "lidar"
 
     def __init__(self, model: DriverModel):
-        self._weights = (
+        self.weights = (
             model.w1,
             model.b1,
             model.w2,
@@ -36,4 +36,4 @@ class LidarEgo:
         pass
 
     def act(self, observation: Observation) -> tuple[float, float]:
-        return _mean_action(observation.vector, *self._weights)
+        return _mean_action(observation.vector, *self.weights)

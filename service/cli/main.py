@@ -15,6 +15,7 @@ COMMANDS = {
     "replay": "service.cli.replay",
     "compare": "service.cli.compare",
     "report": "service.cli.report",
+    "reproduce": "service.cli.reproduce",
     "schema": "service.cli.schema",
     "scenario": "service.cli.scenario",
     "scene": "service.cli.scene",

@@ -42,6 +42,21 @@ class Rollout:
     error: str | None = None
 
 
+def noise_of(scenario: Scenario, noise: int | np.ndarray, vehicles: int) -> tuple[int, np.ndarray]:
+    """The rollout's seed and its action noise (steps, vehicles, 2), from a seed or given as it is (seed 0)."""
+    given = isinstance(noise, np.ndarray)
+    seed = 0 if given else int(noise)
+    if scenario.drivers.noise == "frozen" and not given:
+        seed = FROZEN_NOISE_SEED
+    normals = noise if isinstance(noise, np.ndarray) else action_noise(seed, scenario.steps, vehicles)
+    shape = (scenario.steps, vehicles, 2)
+    if normals.shape != shape or normals.dtype != np.float64:
+        raise ValueError(
+            f"noise must be float64 of shape {shape}, not {normals.dtype} of shape {normals.shape}"
+        )
+    return seed, normals
+
+
 class Observer(Protocol):
     """Looks on at a rollout, a call a step, the last one at the state in which it ended."""
 
@@ -154,15 +169,7 @@ class Simulator:
 
     def _run(self, x: np.ndarray, noise: int | np.ndarray, observer: Observer | None) -> Rollout:
         world, ego, sumo, monitor = self._world, self._ego, self._sumo, self._monitor
-        seed = int(noise) if isinstance(noise, (int, np.integer)) else 0
-        if self._scenario.drivers.noise == "frozen" and not isinstance(noise, np.ndarray):
-            seed, noise = FROZEN_NOISE_SEED, FROZEN_NOISE_SEED
-        normals = noise if isinstance(noise, np.ndarray) else action_noise(seed, self._steps, world.vehicles)
-        if normals.shape != (self._steps, world.vehicles, 2) or normals.dtype != np.float64:
-            raise ValueError(
-                f"noise must be float64 of shape {(self._steps, world.vehicles, 2)}, not {normals.dtype} of "
-                f"shape {normals.shape}"
-            )
+        seed, normals = noise_of(self._scenario, noise, world.vehicles)
 
         starts, driver_weights = unpack(self._scenario, x)
         world.reset(starts, driver_weights)

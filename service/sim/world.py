@@ -58,16 +58,16 @@ class World:
         self.count = vehicles
         self.observations = np.zeros((vehicles, layout.OBSERVATION_SIZE))
         self.poses = np.zeros((vehicles, 4))
-        self._head = np.zeros(layout.HEAD_SIZE, np.float32)
+        self.head = np.zeros(layout.HEAD_SIZE, np.float32)
         self._network = network
-        self._beams = beam_directions(layout.BEAMS)
-        self._rays = beam_directions(rays)
+        self.beams = beam_directions(layout.BEAMS)
+        self.rays = beam_directions(rays)
 
     def reset(self, starts: list[Start], driver_weights: np.ndarray) -> None:
         """Put the vehicles at their starts; `driver_weights` (404,) is the last layer that drives the others."""
         self.agents[:] = 0.0
         self.observations[:] = 0.0
-        self._head[:] = driver_weights
+        self.head[:] = driver_weights
         for agent, start in zip(self.agents, starts, strict=False):
             agent[A.LENGTH_M] = start.length_m
             agent[A.WIDTH_M] = start.width_m
@@ -95,8 +95,8 @@ class World:
             self.road.reference,
             self.road.lanes,
             self.road.spacing_m,
-            self._beams,
-            self._rays,
+            self.beams,
+            self.rays,
             self.observations,
         )
 
@@ -114,7 +114,7 @@ class World:
             net.b1,
             net.w2,
             net.b2,
-            self._head,
+            self.head,
             net.action_scale,
             noise,
             self.dt_s,

@@ -99,7 +99,7 @@ class FatalEgo(IdmEgo):
 
 def open_worker_with_fatal_ego(job: Job, fatal: frozenset[int]) -> None:
     problem = Problem(job)
-    pooling._simulator = Simulator(job.scenario, problem.corridor, problem.drivers, FatalEgo(fatal))
+    pooling._world = Simulator(job.scenario, problem.corridor, problem.drivers, FatalEgo(fatal))
 
 
 class FatalPool(LocalPool):

@@ -1,0 +1,95 @@
+"""`tailroad reproduce`: the paper's experiments, run again."""
+
+import time
+from pathlib import Path
+
+import click
+
+from service.cli.main import INTERRUPTED
+from service.cli.options import core_count, seed_option, workers_option
+from service.cli.progress import progress_bar, stderr
+from service.reproduce.local import Watch, carry_out
+from service.reproduce.page import write_page
+from service.reproduce.plans import EXPERIMENTS, plan_of
+from service.reproduce.sizes import SCALES
+
+TOLD_EVERY_S = 60.0  # where standard error is no terminal
+
+
+@click.command()
+@click.argument("name", type=click.Choice(EXPERIMENTS))
+@click.option("--scale", type=click.Choice(SCALES), default="small", show_default=True,
+              help="smoke: seconds; small: an hour or so; paper: the sizes of the paper.")  # fmt: skip
+@click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("runs/reproduce"),
+              show_default=True, help="Holds the run directories; the same command goes on from there.")  # fmt: skip
+@click.option("--pages", type=click.Path(file_okay=False, path_type=Path), help="Where the page is written.  "
+              "[default: OUT/pages]")  # fmt: skip
+@click.option("--truths", type=click.Path(file_okay=False, path_type=Path), help="Where ground truths accumulate.  "
+              "[default: OUT/truths]")  # fmt: skip
+@click.option("--sumo", is_flag=True, help="Run every rollout in SUMO. Others leave it out where they can, several "
+              "times faster; one rollout in a hundred is then run in both and compared bit for bit.")  # fmt: skip
+@workers_option()
+@seed_option()
+def command(
+    name: str,
+    scale: str,
+    out: Path,
+    pages: Path | None,
+    truths: Path | None,
+    sumo: bool,
+    workers: int | None,
+    seed: int,
+) -> None:
+    """Run an experiment of the paper again and write its page.
+
+    What is finished is not run again: after Ctrl-C, a crash or a kill the same command goes on.
+    """
+    plan = plan_of(name, scale, seed)
+    pages = pages or out / "pages"
+    ctx = click.get_current_context()
+    try:
+        with progress_bar() as bar:
+            task = bar.add_task(plan.name, total=plan.rollouts, note="")
+            outcome = carry_out(
+                plan,
+                out,
+                truths or out / "truths",
+                workers or core_count(),
+                sumo,
+                _watch(bar, task, plan.rollouts),
+            )
+    except KeyboardInterrupt:
+        stderr.print("\nInterrupted; what was run is kept. The same command goes on.")
+        ctx.exit(INTERRUPTED)
+    click.echo(f"Page: {write_page(outcome, pages, _said(name, scale, sumo, seed))}")
+
+
+def _said(name: str, scale: str, sumo: bool, seed: int) -> str:
+    """The command that anyone can run for the same page."""
+    return (
+        f"tailroad reproduce {name} --scale {scale}"
+        + (" --sumo" if sumo else "")
+        + (f" --seed {seed}" if seed != 1 else "")
+    )
+
+
+def _watch(bar, task, total: int) -> Watch:
+    done = 0
+    told = time.monotonic()
+    began = told
+
+    def on_part(what: str, rollouts: int) -> None:
+        bar.update(task, note=what)
+        if not stderr.is_terminal:
+            click.echo(f"{what}: at most {rollouts:,} rollouts", err=True)
+
+    def on_rollouts(count: int) -> None:
+        nonlocal done, told
+        done += count
+        bar.update(task, advance=count)
+        now = time.monotonic()
+        if not stderr.is_terminal and now - told > TOLD_EVERY_S:
+            told = now
+            click.echo(f"{done:,} of {total:,} rollouts, {now - began:.0f} s", err=True)
+
+    return Watch(on_part, on_rollouts)

@@ -1,0 +1,138 @@
+"""What each experiment runs: a ground truth by naive Monte Carlo, and runs that are held against it."""
+
+import hashlib
+from typing import Any
+
+import msgspec
+
+from service.errors import InputError
+from service.reproduce.sizes import LIDAR, SCALES, Search, Size
+
+# Thresholds, s, at which p runs from about 2e-3 to 1e-5, as the paper's do; where they lie is measured
+# (decision 0014). The search aims at the last one, as the paper's does.
+THRESHOLDS = {
+    ("i80-10s", "lidar"): (0.58, 0.54, 0.5, 0.46, 0.42, 0.38, 0.35, 0.32),
+    ("i80-10s", "vision"): (0.58, 0.54, 0.5, 0.46),
+}
+# The paper's search (the defaults of method `ce`: box of 0.01 for each driver weight, no other limit), and the same
+# kept near P0 and to the starts, because in 404 driver weights its steps are mostly noise.
+PAPER, NEAR = "as in the paper", "kept near P0"
+SEARCHES: dict[str, dict[str, Any]] = {PAPER: {}, NEAR: {"mean_box": 0.0001, "max_kl": 2.5}}
+BEST_RHO = 0.01  # of the paper's four
+
+
+class Truth(msgspec.Struct, frozen=True, kw_only=True):
+    """Naive Monte Carlo with so many rollouts of the stream of `seed`."""
+
+    scenario: str
+    ego: str
+    rollouts: int
+    seed: int = 2018
+
+
+class Run(msgspec.Struct, frozen=True, kw_only=True):
+    """One run of an estimator. series: what it is called in tables; repeats of a series differ in their seed."""
+
+    series: str
+    scenario: str
+    ego: str
+    gamma: float
+    method: str
+    options: dict[str, Any]
+    seed: int
+
+    @property
+    def budget(self) -> int:
+        """Rollouts at most."""
+        return int(self.options["budget"])
+
+    @property
+    def folder(self) -> str:
+        """A name for its run directory: the same run has the same name in every plan."""
+        digest = hashlib.sha256(msgspec.json.encode(self, order="deterministic")).hexdigest()[:10]
+        return f"{self.scenario}-{self.ego}-{self.method}-{self.seed}-{digest}"
+
+
+class Plan(msgspec.Struct, frozen=True, kw_only=True):
+    """gammas: the thresholds at which every run is read."""
+
+    name: str
+    scale: str
+    title: str
+    truth: Truth
+    gammas: tuple[float, ...]
+    runs: tuple[Run, ...]
+
+    @property
+    def rollouts(self) -> int:
+        """Rollouts at most, the ground truth included."""
+        return self.truth.rollouts + sum(run.budget for run in self.runs)
+
+
+def plan_of(name: str, scale: str, seed: int = 1) -> Plan:
+    """The plan of an experiment at a named scale; InputError for a name that is not one."""
+    if name not in _MAKERS:
+        raise InputError(f"no experiment named {name!r}; there are {', '.join(_MAKERS)}")
+    if scale not in SCALES:
+        raise InputError(f"no scale named {scale!r}; there are {', '.join(SCALES)}")
+    return _MAKERS[name](scale, seed)
+
+
+def _table1(scale: str, seed: int) -> Plan:
+    size = LIDAR[scale]
+    runs = [
+        run
+        for kind in SEARCHES
+        for run in _searches(
+            size, "i80-10s", "lidar", kind, (BEST_RHO if scale != "smoke" else size.rhos[0],), seed
+        )
+    ]
+    return _plan("table1", scale, "Table 1: the lidar ego's rare events", size, "i80-10s", "lidar", runs)
+
+
+def _fig2(scale: str, seed: int) -> Plan:
+    size = LIDAR[scale]
+    runs = [run for kind in SEARCHES for run in _searches(size, "i80-10s", "lidar", kind, size.rhos, seed)]
+    title = "Figure 2: the lidar ego, the cross-entropy method against naive Monte Carlo by rho"
+    return _plan("fig2", scale, title, size, "i80-10s", "lidar", runs)
+
+
+def _plan(name: str, scale: str, title: str, size: Size, scenario: str, ego: str, runs: list[Run]) -> Plan:
+    return Plan(
+        name=name,
+        scale=scale,
+        title=title,
+        truth=Truth(scenario=scenario, ego=ego, rollouts=size.truth),
+        gammas=THRESHOLDS[scenario, ego],
+        runs=tuple(runs),
+    )
+
+
+def _searches(
+    size: Size, scenario: str, ego: str, kind: str, rhos: tuple[float, ...], seed: int
+) -> list[Run]:
+    """Algorithm 1 at each rho, as often as the size says."""
+    search: Search = size.search
+    return [
+        Run(
+            series=f"CE {kind}, ρ = {rho:g}",
+            scenario=scenario,
+            ego=ego,
+            gamma=THRESHOLDS[scenario, ego][-1],
+            method="ce",
+            options={
+                "budget": search.total,
+                "iterations": search.iterations,
+                "samples_per_iteration": search.samples,
+                "rho": rho,
+                **SEARCHES[kind],
+            },
+            seed=seed + repeat,
+        )
+        for rho in rhos
+        for repeat in range(size.seeds)
+    ]
+
+
+_MAKERS = {"table1": _table1, "fig2": _fig2}
+EXPERIMENTS = tuple(_MAKERS)

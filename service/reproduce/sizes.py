@@ -1,0 +1,46 @@
+"""How large each experiment is at each named scale."""
+
+from dataclasses import dataclass
+
+SCALES = ("smoke", "small", "paper")
+
+
+@dataclass(frozen=True)
+class Search:
+    """Algorithm 1: K iterations of N_k rollouts, then `evaluation` rollouts from the proposal kept."""
+
+    iterations: int
+    samples: int
+    evaluation: int
+
+    @property
+    def total(self) -> int:
+        return self.iterations * self.samples + self.evaluation
+
+
+@dataclass(frozen=True)
+class Size:
+    """truth: naive rollouts of the ground truth; search: of each cross-entropy run; rhos: quantile levels of Figure 2;
+    seeds: how often every run is repeated; budget: of each run of our own estimators."""
+
+    truth: int
+    search: Search
+    rhos: tuple[float, ...]
+    seeds: int
+    budget: int
+
+
+PAPER_RHOS = (0.01, 0.05, 0.1, 0.2)
+# Table 1 and Figure 2, the lidar ego: the paper has K = 100, N_k = 5,000, 10^5 evaluation rollouts, and 1.3 * 10^6
+# naive ones.
+LIDAR = {
+    "smoke": Size(400, Search(2, 100, 800), (0.1, 0.2), 1, 1000),
+    "small": Size(100_000, Search(10, 500, 5000), PAPER_RHOS, 2, 10_000),
+    "paper": Size(1_000_000, Search(100, 5000, 100_000), PAPER_RHOS, 1, 600_000),
+}
+# Table 2 and Figure 3, the vision ego: K = 20, N_k = 1,000, 50,000 evaluation rollouts against 50,000 naive ones.
+VISION = {
+    "smoke": Size(100, Search(2, 50, 900), (0.1,), 1, 0),
+    "small": Size(2000, Search(4, 250, 1000), (0.01,), 1, 0),
+    "paper": Size(50_000, Search(20, 1000, 50_000), (0.01,), 1, 0),
+}
