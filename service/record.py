@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NoReturn
 
@@ -38,12 +38,12 @@ class Failure:
 class JobRecord:
     """What the record says of a job.
 
-    estimate: from the batches that are complete. recorded: rollouts on record, those of an incomplete batch included.
-    parameters: of the proposal of each batch. estimate_iteration: of the batches that the estimate is made of (a
-    method that switches leaves others behind). event_rows, event_log_likelihood: the estimation rollouts with
-    f <= gamma, and log p0(x) of each, nats; none for methods that move chains instead of drawing a fresh sample.
-    explicit: x, noise seed and f of the events and failures of batches that cannot be drawn from parameters alone,
-    by (phase, iteration, row). outcomes: how the recorded rollouts of each phase ended.
+    estimate: of f <= estimate.gamma, from the batches that are complete. recorded: rollouts on record, those of an
+    incomplete batch included. parameters: of the proposal of each batch. estimate_iteration: of the batches that the
+    estimate is made of (a method that switches leaves others behind). event_rows, event_log_likelihood: the estimation
+    rollouts with f <= estimate.gamma, and log p0(x) of each, nats; none for methods that move chains instead of drawing
+    a fresh sample. explicit: x, noise seed and f of the events and failures of batches that cannot be drawn from
+    parameters alone, by (phase, iteration, row). outcomes: how the recorded rollouts of each phase ended.
     """
 
     job: Job
@@ -101,9 +101,13 @@ class JobRecord:
         ]
 
 
-def replay(store: ChunkSource, job: Job) -> JobRecord:
-    """Replay a job's record through the evaluation loop until it is finished or the record ends."""
+def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecord:
+    """Replay a job's record through the evaluation loop until it is finished or the record ends.
+
+    gamma: look at the event f <= gamma instead of the job's own; the search stays the one that there was.
+    """
     problem = Problem(job)
+    threshold = job.gamma if gamma is None else gamma
     algorithm = problem.algorithm
     recorded = RecordedBatches(store, job, _no_workers)
     state: Any = algorithm.init(problem.stream_seed)
@@ -117,7 +121,7 @@ def replay(store: ChunkSource, job: Job) -> JobRecord:
         parameters[batch.phase, batch.iteration] = batch.parameters
         f = recorded(batch)
         if batch.explicit:
-            told = np.isnan(f) | (f <= job.gamma)  # a method that moves chains calls all its batches training
+            told = np.isnan(f) | (f <= threshold)  # a method that moves chains calls all its batches training
             for i in np.flatnonzero(told).tolist():
                 explicit[batch.phase, batch.iteration, batch.start + i] = (
                     batch.x[i].copy(),
@@ -125,7 +129,7 @@ def replay(store: ChunkSource, job: Job) -> JobRecord:
                     float(f[i]),
                 )
         if batch.phase == "estimate":
-            events = np.flatnonzero(f <= job.gamma)
+            events = np.flatnonzero(f <= threshold)
             rows.setdefault(batch.iteration, []).append(batch.start + events)
             likelihood.setdefault(batch.iteration, []).append(problem.base.log_density(batch.x[events]))
         return f
@@ -139,6 +143,8 @@ def replay(store: ChunkSource, job: Job) -> JobRecord:
         estimate = evaluate(algorithm, problem.stream_seed, run_batch, observe)
     except _EndOfRecord:
         estimate = algorithm.estimate(state)
+    if threshold != job.gamma:
+        estimate = replace(estimate, gamma=threshold)
 
     last = max(rows, default=0)
     outcomes: dict[str, Counter[str]] = {}

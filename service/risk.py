@@ -80,7 +80,8 @@ def risk_of(
 ) -> Risk:
     """The risk that a job's estimate stands for."""
     p = estimate.p if estimate.estimation_rollouts else None
-    return rate_of(p, estimate.ci, estimate.confidence, exposure, event_of(job), baseline)
+    event = event_of(msgspec.structs.replace(job, gamma=estimate.gamma))
+    return rate_of(p, estimate.ci, estimate.confidence, exposure, event, baseline)
 
 
 def rate_of(

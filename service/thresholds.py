@@ -12,7 +12,7 @@ CURVE_SPAN = 4.0  # the curve runs from gamma / CURVE_SPAN to gamma * CURVE_SPAN
 
 def curve_gammas(records: Sequence[JobRecord]) -> np.ndarray:
     """Thresholds worth showing: around gamma, not below the lowest f that any job has met."""
-    gamma = records[0].job.gamma
+    gamma = records[0].estimate.gamma
     met = np.concatenate([r.estimate.f[np.isfinite(r.estimate.f)] for r in records])
     lowest = float(met.min()) if met.size else gamma
     if gamma > 0:

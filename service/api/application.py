@@ -13,10 +13,13 @@ from service.api import reading, routes, schemas
 from service.api.background import Background
 from service.api.catalogue import Catalogue
 from service.api.dangerous import DangerousAnswers
+from service.api.files import JSON, File
+from service.api.findings import FindingAnswers
 from service.api.jobs import JobAnswers
 from service.api.limits import Bucket, Limits
 from service.api.objects import About
 from service.api.problems import ApiError, problem_of, short
+from service.api.records import Records
 from service.api.requests import Nothing
 from service.api.results import ResultAnswers
 from service.api.state import StateAnswers
@@ -27,10 +30,11 @@ log = logging.getLogger("tailroad.api")
 
 @dataclass(frozen=True)
 class Answer:
-    """JSON, and whether it is what was asked for (status 200) or a problem."""
+    """JSON or a file, and whether it is what was asked for (status 200) or a problem."""
 
     status: int
     body: bytes
+    media: str = JSON
 
     @property
     def ok(self) -> bool:
@@ -52,8 +56,10 @@ class Application:
         self._background = Background(limits.wait_s)
         self._state = StateAnswers(fleet, catalogue)
         jobs, results = JobAnswers(fleet, catalogue, limits), ResultAnswers(fleet)
-        dangerous = DangerousAnswers(fleet, self._background, limits)
-        self._parts = (self, self._state, jobs, results, dangerous)
+        records = Records(fleet)
+        dangerous = DangerousAnswers(records, self._background, limits)
+        findings = FindingAnswers(records, self._background, limits)
+        self._parts = (self, self._state, jobs, results, dangerous, findings)
         self._requests = Bucket(limits.requests_per_s, limits.burst)
         self._submissions = Bucket(limits.submissions_per_s, limits.burst)
 
@@ -71,7 +77,7 @@ class Application:
             else:
                 route, names = routes.find(key, bool(payload))
                 action = route.action
-                answer = Answer(200, msgspec.json.encode(self._do(route, names, parameters, payload)))
+                answer = self._told(self._do(route, names, parameters, payload))
         except Exception as error:
             problem = problem_of(error, f"{routes.PREFIX}/{short(key)}")
             if problem.status == 500:
@@ -93,9 +99,20 @@ class Application:
         self._background.close()
         self._state.close()
 
+    def _told(self, found: msgspec.Struct | File) -> Answer:
+        """As it goes over the wire; ApiError for a file that is larger than this service sends."""
+        if not isinstance(found, File):
+            return Answer(200, msgspec.json.encode(found))
+        if len(found.body) > self.limits.answer_bytes:
+            raise ApiError(
+                "too-large",
+                f"a file of {len(found.body)} bytes; this service sends at most {self.limits.answer_bytes}",
+            )
+        return Answer(200, found.body, found.media)
+
     def _do(
         self, route: routes.Route, names: dict[str, str], parameters: str, payload: bytes | None
-    ) -> msgspec.Struct:
+    ) -> msgspec.Struct | File:
         if any("*" in name or "$" in name for name in names.values()):
             raise ApiError("bad-request", f"wildcards are not answered; name one {' and one '.join(names)}")
         asked = reading.checked(route.takes, reading.parameters(parameters))

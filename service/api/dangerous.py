@@ -1,43 +1,41 @@
-"""Rollouts of a job run once more, over the API: its failures, and any one of them. Both take a while."""
+"""Rollouts of a job run once more, over the API: its failures, any one of them, and exports. All take a while."""
 
-import threading
-from collections import OrderedDict
+import base64
 from typing import Any
 
 import msgspec
 import numpy as np
 
 from service.api.background import Background
+from service.api.files import File
 from service.api.limits import Limits
-from service.api.objects import RolloutView
-from service.api.problems import ApiError
-from service.api.requests import AskFailures, AskRollout
+from service.api.objects import CameraPicture, RolloutView
+from service.api.problems import ApiError, Wrong
+from service.api.records import Records, State
+from service.api.requests import AskExport, AskFailures, AskRollout
 from service.api.results import finite
+from service.exports import FORMATS, export_bytes
 from service.failures.find import find_failures
 from service.failures.objects import Failures
-from service.failures.rerun import Rerunner
+from service.failures.play import playback_of
+from service.failures.rerun import Again, Rerunner
 from service.failures.scenario_file import scenario_text
-from service.fleet.service import Fleet
 from service.record import JobRecord
-
-KEPT_RECORDS = 2
-State = tuple[str, str, int | None]  # job, status, rollouts: what a record is of
+from service.video import EgoView, jpeg_pictures
 
 
 class DangerousAnswers:
-    """What is answered on jobs/ID/failures and jobs/ID/rollouts/N."""
+    """What is answered on jobs/ID/failures, jobs/ID/rollouts/ROW and its export."""
 
-    def __init__(self, fleet: Fleet, background: Background, limits: Limits):
-        self._fleet, self._background, self._limits = fleet, background, limits
-        self._records: OrderedDict[State, JobRecord] = OrderedDict()
-        self._lock = threading.Lock()
+    def __init__(self, records: Records, background: Background, limits: Limits):
+        self._records, self._background, self._limits = records, background, limits
 
     def failures(self, asked: AskFailures, job: str) -> Failures:
-        state = self._state(job)
+        state = self._records.state(job)
         most = min(asked.examine or self._limits.examine, self._limits.examine)
 
         def compute() -> Failures:
-            record = self._record(state)
+            record = self._records.record(state)
             with Rerunner(record.job, self._limits.rerun_procs) as rerunner:
                 found = find_failures(job, record, rerunner, asked.by, asked.limit, most)
             return msgspec.structs.replace(found.failures, job=job)
@@ -45,48 +43,56 @@ class DangerousAnswers:
         return self._background.get(("failures", state, asked.by, asked.limit, most), compute)
 
     def rollout(self, asked: AskRollout, job: str, row: str) -> RolloutView:
-        if not (row.isascii() and row.isdigit() and len(row) <= 18):
-            raise ApiError("not-found", f"rollouts/{row[:50]}: give the row as a whole number")
-        state = self._state(job)
+        number = _row(row)
+        if asked.camera > self._limits.camera_pictures:
+            most = self._limits.camera_pictures
+            wrong = Wrong("camera", str(asked.camera), f"at most {most}")
+            raise ApiError(
+                "bad-parameter", f"camera is {asked.camera}: give at most {most} pictures", (wrong,)
+            )
+        state = self._records.state(job)
         return self._background.get(
-            ("rollout", state, asked, row), lambda: self._rollout(state, asked, int(row))
+            ("rollout", state, asked, number), lambda: self._rollout(state, asked, number)
         )
 
-    def _state(self, job: str) -> State:
-        view = self._fleet.job(job)
-        return job, view.status, view.rollouts
+    def export(self, asked: AskExport, job: str, row: str) -> File:
+        number, state = _row(row), self._records.state(job)
 
-    def _record(self, state: State) -> JobRecord:
-        with self._lock:
-            known = self._records.get(state)
-        if known is None:
-            known = self._fleet.record(state[0])
-            with self._lock:
-                for old in [s for s in self._records if s[0] == state[0]]:
-                    del self._records[old]
-                self._records[state] = known
-                while len(self._records) > KEPT_RECORDS:
-                    self._records.popitem(last=False)
-        return known
+        def compute() -> File:
+            record = self._records.record(state)
+            iteration, _ = self._recorded(state, record, asked, number)
+            x, noise = record.redraw(asked.phase, iteration, number)
+            title = _title(job, asked.phase, iteration, number)
+            return File(FORMATS[asked.format][0], export_bytes(record.job, x, noise, title, asked.format))
 
-    def _rollout(self, state: State, asked: AskRollout, row: int) -> RolloutView:
-        job, record = state[0], self._record(state)
+        return self._background.get(("export", state, asked, number), compute)
+
+    def _recorded(
+        self, state: State, record: JobRecord, asked: AskRollout | AskExport, row: int
+    ) -> tuple[int, float]:
+        """The iteration that is meant, and f on record; ApiError where the record has no such rollout."""
         iteration = asked.iteration
         if iteration is None:
             iteration = record.estimate_iteration if asked.phase == "estimate" else 0
-        recorded = self._fleet.reader(job).chunks(job, asked.phase, iteration, row, row + 1)
+        recorded = self._records.fleet.reader(state[0]).chunks(state[0], asked.phase, iteration, row, row + 1)
         if not recorded or (asked.phase, iteration) not in record.parameters:
             raise ApiError(
                 "not-found",
                 f"the record has no rollout {row} of phase {asked.phase}, iteration {iteration}; "
                 f"{sum(1 for phase, _ in record.parameters if phase == asked.phase)} iterations of it are complete",
             )
-        f = float(recorded[0].f[row - recorded[0].start])
+        return iteration, float(recorded[0].f[row - recorded[0].start])
+
+    def _rollout(self, state: State, asked: AskRollout, row: int) -> RolloutView:
+        job, record = state[0], self._records.record(state)
+        iteration, f = self._recorded(state, record, asked, row)
         x, noise = record.redraw(asked.phase, iteration, row)
+        looked_at = asked.trace or asked.playback or asked.camera
         with Rerunner(record.job) as runner:
-            (again,) = runner.run([(x, noise)], [0] if asked.trace else ())
+            (again,) = runner.run([(x, noise)], [0] if looked_at else ())
         same = np.float64(again.f).tobytes() == np.float64(f).tobytes() or (np.isnan(again.f) and np.isnan(f))
-        title = f"Rollout {row} of phase {asked.phase}, iteration {iteration}, job {job}"
+        title = _title(job, asked.phase, iteration, row)
+        trace = again.trace
         return RolloutView(
             job=job,
             phase=asked.phase,
@@ -101,8 +107,40 @@ class DangerousAnswers:
             error=again.error,
             motion=None if again.motion is None else finite(msgspec.to_builtins(again.motion)),
             scenario=scenario_text(record.problem, x, noise, again.f, title),
-            trace=None if again.trace is None else _columns(again.trace),
+            trace=_columns(trace) if asked.trace and trace is not None else None,
+            playback=_playback(record, again) if asked.playback else None,
+            camera=self._camera(record, again, x, noise, asked.camera) if asked.camera else None,
         )
+
+    def _camera(
+        self, record: JobRecord, again: Again, x: np.ndarray, noise: int, count: int
+    ) -> tuple[CameraPicture, ...] | None:
+        if again.trace is None:
+            return None
+        view = EgoView(record.job.scenario, record.problem.corridor, x, noise)
+        time_s = again.trace.time_s
+        return tuple(
+            CameraPicture(state=k, time_s=float(time_s[k]), jpeg=base64.b64encode(jpeg).decode("ascii"))
+            for k, jpeg in jpeg_pictures(view, again.trace, count, self._limits.camera_width_px)
+        )
+
+
+def _row(row: str) -> int:
+    if not (row.isascii() and row.isdigit() and len(row) <= 18):
+        raise ApiError("not-found", f"rollouts/{row[:50]}: give the row as a whole number")
+    return int(row)
+
+
+def _title(job: str, phase: str, iteration: int, row: int) -> str:
+    return f"Rollout {row} of phase {phase}, iteration {iteration}, job {job}"
+
+
+def _playback(record: JobRecord, again: Again) -> Any:
+    if again.trace is None:
+        return None
+    threat = None if again.motion is None else again.motion.other
+    rays = record.job.scenario.safety.rays
+    return playback_of(again.trace, record.problem.corridor, record.job.gamma, threat, rays)
 
 
 def _columns(trace: Any) -> dict[str, list[Any]]:

@@ -11,7 +11,8 @@ class Limits:
     """body_bytes: of a request; requests_per_s, submissions_per_s: of all clients together, `burst` times as many at
     once; open_jobs: not over; budget: rollouts of a job; batch_rows: of a batch, as all of it is held in memory;
     pending: requests that wait for an answer; threads: that answer; examine: dangerous rollouts that are run again for
-    one answer; rerun_procs: processes that do; wait_s: for an answer that is being computed."""
+    one answer; rerun_procs: processes that do; wait_s: for an answer that is being computed; camera_pictures: of one
+    rollout, camera_width_px wide; compared: jobs in one comparison; answer_bytes: of a file."""
 
     body_bytes: int = 1_000_000
     requests_per_s: float = 200.0
@@ -25,6 +26,10 @@ class Limits:
     examine: int = 400
     rerun_procs: int = 1
     wait_s: float = 4.0
+    camera_pictures: int = 100
+    camera_width_px: int = 480
+    compared: int = 6
+    answer_bytes: int = 64_000_000
 
 
 class Bucket:

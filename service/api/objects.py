@@ -4,6 +4,8 @@ from typing import Any, Literal
 
 import msgspec
 
+from service.failures.playback import Playback
+
 STATUSES = ("running", "paused", "done", "cancelled", "failed")
 OVER = ("done", "cancelled", "failed")
 
@@ -239,9 +241,18 @@ class Events(_Body, frozen=True):
     next: int | None
 
 
+class CameraPicture(_Body, frozen=True):
+    """What the ego's camera saw. state: its place among the states of the trace; jpeg: the picture, base64."""
+
+    state: int
+    time_s: float
+    jpeg: str
+
+
 class RolloutView(_Body, frozen=True):
     """A rollout, run once more. f: on record; scenario: text of a scenario file that brings it back to the bit; trace:
-    columns of the state of every vehicle at every step."""
+    columns of the state of every vehicle at every step; playback: what a player needs; camera: as many pictures as were
+    asked for. What was not asked for is null."""
 
     job: str
     phase: str
@@ -257,6 +268,8 @@ class RolloutView(_Body, frozen=True):
     motion: dict[str, Any] | None
     scenario: str
     trace: dict[str, list[Any]] | None
+    playback: Playback | None
+    camera: tuple[CameraPicture, ...] | None
 
 
 class Done(_Body, frozen=True):
@@ -284,13 +297,15 @@ class Parameter(_Body, frozen=True):
 
 
 class Endpoint(_Body, frozen=True):
-    """A key, below tailroad/v1/. body, answer: names of schemas."""
+    """A key, below tailroad/v1/. body, answer: names of schemas; media: the answer's media types, where it is a file
+    and not JSON (answer is null)."""
 
     key: str
     does: str
     parameters: tuple[Parameter, ...]
     body: str | None
-    answer: str
+    answer: str | None
+    media: tuple[str, ...]
 
 
 class About(_Body, frozen=True):

@@ -60,11 +60,56 @@ class AskFailures(_Request, frozen=True):
 
 
 class AskRollout(_Request, frozen=True):
-    """iteration: of the batch stream that the row counts in (default: that of the estimate)."""
+    """iteration: of the batch stream that the row counts in (default: that of the estimate); trace: columns of every
+    vehicle's state; playback: what a player needs to show it; camera: pictures of the ego's camera, evenly over the
+    rollout."""
 
     phase: Literal["estimate", "train"] = "estimate"
     iteration: Number | None = None
     trace: bool = False
+    playback: bool = False
+    camera: Annotated[int, Meta(ge=0, le=1000)] = 0
+
+
+class AskExport(_Request, frozen=True):
+    """format: scenario (a scenario file that holds the rollout), fcd (SUMO's floating-car data), mp4 (a film), mcap (a
+    recording for viewers of robot logs)."""
+
+    format: Literal["scenario", "fcd", "mp4", "mcap"]
+    phase: Literal["estimate", "train"] = "estimate"
+    iteration: Number | None = None
+
+
+class AskLearned(_Request, frozen=True):
+    """rollouts: to run again under base and under proposal each, for the behaviours (0: no behaviours)."""
+
+    rollouts: Annotated[int, Meta(ge=0, le=10_000)] = 100
+
+
+class AskRisk(_Request, frozen=True):
+    """baseline: events per million km, or police-reported or near-crash; source: where a number is from."""
+
+    baseline: Annotated[str, Meta(max_length=40)] | None = None
+    source: Annotated[str, Meta(max_length=200)] | None = None
+    gamma: float | None = None
+    confidence: Share | None = None
+
+
+class AskReport(_Request, frozen=True):
+    """drawn: dangerous rollouts to show; baseline, source: as of the risk."""
+
+    drawn: Annotated[int, Meta(ge=0, le=20)] = 6
+    baseline: Annotated[str, Meta(max_length=40)] | None = None
+    source: Annotated[str, Meta(max_length=200)] | None = None
+
+
+class AskComparison(_Request, frozen=True):
+    """jobs: two or more, separated by commas; gamma: one threshold for all (default: theirs, which must be the same);
+    examine: dangerous rollouts of each at most to run again and group (0: no failure modes)."""
+
+    jobs: Annotated[str, Meta(min_length=1, max_length=2000)]
+    gamma: float | None = None
+    examine: Annotated[int, Meta(ge=0, le=10_000)] | None = None
 
 
 class Submission(_Request, frozen=True):

@@ -8,24 +8,40 @@ import msgspec
 from service.api import objects as O
 from service.api import requests as R
 from service.api.problems import ApiError, Wrong, short
+from service.comparison.objects import Comparison
+from service.exports import FORMATS
 from service.failures.objects import Failures
+from service.learned.objects import Learned
+from service.report.objects import Report
+from service.risk import Risk
 
 PREFIX = "tailroad/v1"
-TOPS = ("about", "health", "schemas", "scenarios", "egos", "workers", "jobs")  # first parts of the keys
+TOPS = (
+    "about",
+    "health",
+    "schemas",
+    "scenarios",
+    "egos",
+    "workers",
+    "jobs",
+    "comparison",
+)  # first parts of the keys
 
 
 @dataclass(frozen=True)
 class Route:
-    """key: its parts in braces are names; action: of the application, called with the parameters and those names; body:
-    what a payload must be (None: a payload is refused); order: does something, so that only the exact key will do."""
+    """key: its parts in braces are names; action: of the application, called with the parameters and those names;
+    answers: None where it is a file of one of `media`; body: what a payload must be (None: a payload is refused);
+    order: does something, so that only the exact key will do."""
 
     key: str
     does: str
     action: str
     takes: type[msgspec.Struct]
-    answers: type[msgspec.Struct]
+    answers: type[msgspec.Struct] | None
     body: type[msgspec.Struct] | None = None
     order: bool = False
+    media: tuple[str, ...] = ()
 
 
 ROUTES = (
@@ -45,6 +61,15 @@ ROUTES = (
     Route("jobs/{job}/failures", "Dangerous rollouts ranked and grouped into failure modes.", "failures",
           R.AskFailures, Failures),
     Route("jobs/{job}/rollouts/{row}", "One rollout, run once more.", "rollout", R.AskRollout, O.RolloutView),
+    Route("jobs/{job}/rollouts/{row}/export", "One rollout as a file for other programs.", "export", R.AskExport, None,
+          media=tuple(media for media, _ in FORMATS.values())),
+    Route("jobs/{job}/learned", "What the search learned: starts and driving under P0 and under the proposal.",
+          "learned", R.AskLearned, Learned),
+    Route("jobs/{job}/risk", "p in words and as a rate per million km, beside a baseline.", "risk", R.AskRisk, Risk),
+    Route("jobs/{job}/report", "The report as one HTML file.", "report", R.AskReport, None, media=("text/html",)),
+    Route("jobs/{job}/report.json", "The same facts for programs.", "report_json", R.AskReport, Report),
+    Route("comparison", "Jobs on the same question: differences, ratios, curves, failure modes.", "comparison",
+          R.AskComparison, Comparison),
     Route("jobs/{job}/cancel", "End a job for good.", "cancel", R.Nothing, O.Done, order=True),
     Route("jobs/{job}/pause", "Run none of a job's rollouts until it is resumed.", "pause", R.Nothing, O.Done,
           order=True),
@@ -91,7 +116,8 @@ def about(version: str, limits: dict[str, float]) -> O.About:
             does=route.does,
             parameters=tuple(_parameters(route.takes)),
             body=None if route.body is None else route.body.__name__,
-            answer=route.answers.__name__,
+            answer=None if route.answers is None else route.answers.__name__,
+            media=route.media,
         )
         for route in ROUTES
     )
@@ -126,5 +152,5 @@ def wire_types() -> dict[str, type[msgspec.Struct]]:
     """Every type that goes over the wire and has a schema, by name."""
     kinds: list[type[msgspec.Struct]] = [O.Event, O.Problem]
     for route in ROUTES:
-        kinds += [route.answers] + ([] if route.body is None else [route.body])
+        kinds += [kind for kind in (route.answers, route.body) if kind is not None]
     return {kind.__name__: kind for kind in kinds}

@@ -113,7 +113,7 @@ class Api:
 def _reply(query: zenoh.Query, answer: Answer) -> None:
     try:
         if answer.ok:
-            query.reply(query.key_expr, answer.body, encoding=JSON)
+            query.reply(query.key_expr, answer.body, encoding=zenoh.Encoding(answer.media))
         else:
             query.reply_err(answer.body, encoding=JSON)
     except zenoh.ZError:

@@ -1,7 +1,9 @@
-"""`tailroad compare`: two egos on the same draws, or two runs."""
+"""`tailroad compare`: egos on the same draws, or runs."""
 
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
+from string import ascii_lowercase
 from typing import Any
 
 import click
@@ -18,7 +20,7 @@ from service.cli.options import core_count, finite, json_option, seed_option, wo
 from service.cli.progress import progress_bar, stderr
 from service.cli.runs import open_record
 from service.comparison.compare import comparison_of
-from service.comparison.objects import Comparison, ModeChange
+from service.comparison.objects import Comparison, ModeChange, Pair
 from service.errors import InputError, StoreError
 from service.failures.examine import EXAMINED
 from service.job import Job, make_job
@@ -30,17 +32,18 @@ from service.wording import significant
 
 
 @click.command()
-@click.argument("what", nargs=-1, required=True, metavar="SCENARIO | RUN_A RUN_B")
+@click.argument("what", nargs=-1, required=True, metavar="SCENARIO | RUN...")
 @ego_option(multiple=True)
-@click.option("--gamma", type=float, callback=finite, help="SCENARIO: the event is f <= GAMMA (s).")
+@click.option("--gamma", type=float, callback=finite, help="The event is f <= GAMMA, in the measure's unit.  "
+              "[RUN...: default: their own]")  # fmt: skip
 @click.option("--method", type=click.Choice(ce.METHODS), help="SCENARIO: how p is estimated.  [default: naive]  "
-              "RUN_A RUN_B: which of their jobs.  [default: one that both have]")  # fmt: skip
+              "RUN...: which of their jobs.  [default: one that all have]")  # fmt: skip
 @click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True,
               help="SCENARIO: rollouts of each ego at most.")  # fmt: skip
 @seed_option()
 @click.option("--examine", type=click.IntRange(0), default=EXAMINED, show_default=True,
               help="Dangerous rollouts of each at most to run again and group into failure modes.")  # fmt: skip
-@click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="SCENARIO: folder for the two run "
+@click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="SCENARIO: folder for the run "
               "directories; what it holds already is continued.  [default: runs/compare-SCENARIO-TIME]")  # fmt: skip
 @click.option("--html", type=click.Path(dir_okay=False, path_type=Path), help="Write a page to this file.")
 @workers_option()
@@ -58,25 +61,25 @@ def command(
     workers: int | None,
     as_json: bool,
 ) -> None:
-    """Compare two egos on SCENARIO (--ego A --ego B), run on the same draws, or two finished runs RUN_A and RUN_B.
+    """Compare egos on SCENARIO (--ego A --ego B ...), run on the same draws, or finished runs.
 
-    B against A: difference and ratio of p with intervals, p(gamma) of both, and which ways to fail came and went.
+    Each against each that stands before it: difference and ratio of p with intervals, p(gamma) of all, and which ways
+    to fail came and went.
     """
     count = workers or core_count()
-    if len(what) == 1:
-        runs, records = _run_both(what[0], ego, gamma, method or "naive", budget, seed, out, count)
-    elif len(what) == 2:
-        if ego or gamma is not None or out is not None:
-            raise InputError("two runs have their own egos and gamma: leave out --ego, --gamma and --out")
-        runs = Path(what[0]), Path(what[1])
-        records = _open_both(runs, method)
+    runs: list[Path]
+    if len(what) == 1 and not (Path(what[0]) / "run.json").exists():
+        runs, records = _run_all(what[0], ego, gamma, method or "naive", budget, seed, out, count)
     else:
-        raise InputError(f"give one scenario with two --ego, or two run directories, not {len(what)} names")
+        if ego or out is not None:
+            raise InputError("runs have their own egos: leave out --ego and --out")
+        runs = [Path(name) for name in what]
+        records = _open_all(runs, method, gamma)
     with progress_bar() as bar:
         task = bar.add_task("dangerous rollouts", total=None, note="")
         found = comparison_of(
-            *records,
-            (str(runs[0]), str(runs[1])),
+            records,
+            [str(run) for run in runs],
             examine,
             count,
             runs,
@@ -94,7 +97,7 @@ def command(
         click.echo(f"Page: {html}")
 
 
-def _run_both(
+def _run_all(
     name: str,
     egos: tuple[str, ...],
     gamma: float | None,
@@ -103,18 +106,18 @@ def _run_both(
     seed: int,
     out: Path | None,
     workers: int,
-) -> tuple[tuple[Path, Path], tuple[JobRecord, JobRecord]]:
-    """Run both egos, each into its own run directory, as far as it is not there already."""
-    if len(egos) != 2 or egos[0] == egos[1]:
+) -> tuple[list[Path], list[JobRecord]]:
+    """Run every ego, each into its own run directory, as far as it is not there already."""
+    if len(egos) < 2 or len(set(egos)) < len(egos):
         given = f"{', '.join(egos)}" if egos else "none"
-        raise InputError(f"--ego: give two different egos, as in --ego idm --ego lidar, not {given}")
+        raise InputError(f"--ego: give two or more different egos, as in --ego idm --ego lidar, not {given}")
     if gamma is None:
         raise InputError("give the event's threshold, as in --gamma 0.5 (seconds of time to collision)")
     scenario = load_scenario(name)
     check_road(scenario, name)
     jobs = [make_job(scenario, ego, gamma, method, seed, {"budget": budget}) for ego in egos]
     folder = out or Path("runs") / f"compare-{scenario.name}-{datetime.now():%Y%m%d-%H%M%S}"
-    paths = tuple(folder / f"{side}-{_plain(ego)}" for side, ego in zip("ab", egos, strict=True))
+    paths = [folder / f"{letter}-{_plain(ego)}" for letter, ego in zip(ascii_lowercase, egos, strict=False)]
     records = []
     try:
         for job, path in zip(jobs, paths, strict=True):
@@ -126,7 +129,7 @@ def _run_both(
             f"\nInterrupted; what was run is kept. Continue with the same command and --out {folder}"
         )
         raise SystemExit(INTERRUPTED) from None
-    return (paths[0], paths[1]), (records[0], records[1])
+    return paths, records
 
 
 def _plain(ego: str) -> str:
@@ -164,8 +167,8 @@ def _run(store: RunDirectory, job: Job, workers: int) -> None:
         run_job(store, job, workers, Watcher(on_job, on_chunk, on_record))
 
 
-def _open_both(runs: tuple[Path, Path], method: str | None) -> tuple[JobRecord, JobRecord]:
-    """The records of the two runs' jobs: of the method given, else of the first that both have, else the best of each.
+def _open_all(runs: Sequence[Path], method: str | None, gamma: float | None) -> list[JobRecord]:
+    """The records of the runs' jobs: of the method given, else of the first that all have, else the best of each.
 
     Raises StoreError where a run cannot be read and InputError where it has no such method.
     """
@@ -174,45 +177,51 @@ def _open_both(runs: tuple[Path, Path], method: str | None) -> tuple[JobRecord, 
         for run in runs:
             with RunDirectory.open(run) as store:
                 names.append([job.id for job in store.jobs])
-        method = next((name for name in names[0] if name in names[1]), None)
-    return open_record(runs[0], method)[0], open_record(runs[1], method)[0]
+        method = next((name for name in names[0] if all(name in others for others in names[1:])), None)
+    return [open_record(run, method, gamma)[0] for run in runs]
+
+
+HOW = {"normal": "normal", "paired counts": "exact, of the pairs", "bounds": "bounds of both intervals"}
 
 
 def _print(found: Comparison) -> None:
     console = Console()
-    a, b = found.a, found.b
     level = f"{found.confidence:.0%}"
-    console.print(f"\nB against A: p = P0(f <= {found.gamma:g})")
-    table = Table("", f"A: {a.name}", f"B: {b.name}")
+    console.print(f"\np = P0(f <= {found.gamma:g})")
+    table = Table("", *[side.name for side in found.sides])
     rows = [
-        ("scenario, ego", [f"{s.scenario}, {s.ego}" for s in (a, b)]),
-        ("method, rollouts", [f"{s.method}, {s.rollouts:,}" for s in (a, b)]),
-        ("p", [significant(s.p) for s in (a, b)]),
-        (f"{level} interval", [_span(s.ci) for s in (a, b)]),
-        ("dangerous rollouts (effective)", [f"{s.events:,} ({significant(s.ess)})" for s in (a, b)]),
+        ("scenario, ego", [f"{s.scenario}, {s.ego}" for s in found.sides]),
+        ("method, rollouts", [f"{s.method}, {s.rollouts:,}" for s in found.sides]),
+        ("p", [significant(s.p) for s in found.sides]),
+        (f"{level} interval", [_span(s.ci) for s in found.sides]),
+        ("dangerous rollouts (effective)", [f"{s.events:,} ({significant(s.ess)})" for s in found.sides]),
     ]
     for label, values in rows:
         table.add_row(label, *values)
     console.print(table)
-    d = found.difference
-    table = Table("", "B and A", f"{level} interval", "how")
-    how = {"normal": "normal", "paired counts": "exact, of the pairs", "bounds": "bounds of both intervals"}[
-        d.how
-    ]
-    table.add_row("difference of p", significant(d.difference), _span(d.difference_ci), how)
+    for pair in found.pairs:
+        _print_pair(console, found, pair, level)
+    for note in found.notes:
+        console.print(f"[yellow]{note}[/yellow]")
+
+
+def _print_pair(console: Console, found: Comparison, pair: Pair, level: str) -> None:
+    a, b, d = found.sides[pair.a], found.sides[pair.b], pair.difference
+    table = Table("", f"{b.name} against {a.name}", f"{level} interval", "how")
+    table.add_row("difference of p", significant(d.difference), _span(d.difference_ci), HOW[d.how])
     table.add_row(
         "ratio of p", significant(d.ratio), _span(d.ratio_ci), "same draws" if d.paired else "own draws"
     )
     console.print(table)
-    if found.pairs is not None:
-        p = found.pairs
+    if pair.draws is not None:
+        p = pair.draws
         console.print(
             f"Of the same draws, {p.both:,} are dangerous to both, {p.only_a:,} to {a.name} only, "
             f"{p.only_b:,} to {b.name} only.", highlight=False,
         )  # fmt: skip
-    if found.modes:
-        table = Table("failure mode", "A: p", "B: p", "difference", f"{level} interval", "")
-        for mode in found.modes:
+    if pair.modes:
+        table = Table("failure mode", f"{a.name}: p", f"{b.name}: p", "difference", f"{level} interval", "")
+        for mode in pair.modes:
             table.add_row(
                 Text(mode.mode, no_wrap=True),
                 significant(mode.a.p, 2),
@@ -222,9 +231,7 @@ def _print(found: Comparison) -> None:
                 _change(mode),
             )
         console.print(table)
-    console.print(found.said, highlight=False)
-    for note in found.notes:
-        console.print(f"[yellow]{note}[/yellow]")
+    console.print(pair.said, highlight=False)
 
 
 def _change(mode: ModeChange) -> str:

@@ -7,12 +7,10 @@ import msgspec
 
 from service.cli.options import json_option, require_folder
 from service.cli.runs import method_option, open_record, run_argument
-from service.errors import InputError, SimulationError
+from service.errors import InputError
+from service.exports import Exports, write_exports
 from service.failures.events import ORDERS, Order, events_of
-from service.failures.rerun import look
-from service.failures.scenario_file import scenario_text
 from service.failures.tell import failure_told
-from service.trace import write_table
 from service.wording import significant
 
 FILE = click.Path(dir_okay=False, path_type=Path)
@@ -24,7 +22,7 @@ FILE = click.Path(dir_okay=False, path_type=Path)
 @method_option()
 @click.option("--by", "order", type=click.Choice(ORDERS), default="likelihood", show_default=True,
               help="The order that RANK counts in, as of `tailroad failures`.")  # fmt: skip
-@click.option("--video", type=FILE, help="Top-down film (.mp4).")
+@click.option("--video", type=FILE, help="Film: from above and from the ego's camera (.mp4).")
 @click.option("--fcd", type=FILE, help="SUMO's floating-car data (.xml).")
 @click.option("--trace", "table", type=FILE, help="Every vehicle at every step (.parquet).")
 @click.option("--scenario", "scenario_file", type=FILE, help="A scenario file that holds this one rollout (.toml): "
@@ -63,35 +61,16 @@ def command(
         raise InputError(f"rank {rank}: {run} has {len(events)} dangerous rollouts by {record.job.method}")
     position = int(events.ranking(order)[rank - 1])
     ((x, noise),) = events.drawn([position])
-    problem = record.problem
-    with problem.simulator(fcd=fcd) as simulator:
-        again = look(problem, simulator, x, noise)
-    if again.trace is None:
-        raise SimulationError(f"the rollout failed: {again.error}")
+    title = f"{run.name}, rank {rank} by {order}"
+    exports = Exports(scenario=scenario_file, fcd=fcd, mp4=video, mcap=recording, table=table)
+    again = write_exports(record.problem, x, noise, title, exports)
     failure = failure_told(events, position, again, rank)
-    title = f"{run.name}, rank {rank} by {order}: {failure.mode}"
-    if table is not None:
-        write_table(again.trace, table)
-    text = scenario_text(problem, x, noise, again.f, title)
-    if scenario_file is not None:
-        scenario_file.write_text(text, encoding="utf-8")
-    if video is not None:
-        from service.video import write_video
-
-        write_video(again.trace, problem.corridor, video, title=title)
-    if recording is not None:
-        from service.failures.recording import write_recording
-
-        rays = problem.job.scenario.safety.rays
-        write_recording(
-            again.trace, problem.corridor, recording, problem.job.gamma, rays, {"scenario.toml": text}
-        )
     if as_json:
         click.echo(msgspec.json.format(msgspec.json.encode(failure), indent=2).decode())
         return
     same = "the same to the bit as on record" if failure.same_to_the_bit else f"on record {failure.f!r} s"
     click.echo(
-        f"{title}\nf = {significant(again.f)} s ({same}), ended with {again.outcome}; "
+        f"{title}: {failure.mode}\nf = {significant(again.f)} s ({same}), ended with {again.outcome}; "
         f"to {failure.other or 'background traffic'}"
         + (f" {failure.motion.time_s:.1f} s after the start" if failure.motion else "")
     )

@@ -19,8 +19,10 @@ def method_option() -> Callable:
                         "with most dangerous rollouts]")  # fmt: skip
 
 
-def open_record(run: Path, method: str | None) -> tuple[JobRecord, tuple[str, ...]]:
-    """The record of one job of a run directory, and the names of all its jobs.
+def open_record(
+    run: Path, method: str | None, gamma: float | None = None
+) -> tuple[JobRecord, tuple[str, ...]]:
+    """The record of one job of a run directory, and the names of all its jobs; gamma: another threshold than the job's.
 
     Without a method: the job that has met the most dangerous rollouts, in effective numbers.
     """
@@ -29,6 +31,6 @@ def open_record(run: Path, method: str | None) -> tuple[JobRecord, tuple[str, ..
         if method is not None:
             if method not in names:
                 raise InputError(f"--method {method}: {run} has {', '.join(names)}")
-            return replay(store, store.job(method)), names
-        records = [replay(store, job) for job in store.jobs]
+            return replay(store, store.job(method), gamma), names
+        records = [replay(store, job, gamma) for job in store.jobs]
     return max(records, key=lambda record: record.estimate.ess), names

@@ -7,13 +7,22 @@ import msgspec
 
 from service.comparison.objects import Comparison
 from service.failures.objects import Failure, Failures
+from service.learned.objects import Learned
+from service.report.objects import Report
 from service.risk import Risk
 
-SCHEMAS = {"failures": Failures, "failure": Failure, "comparison": Comparison, "risk": Risk}
+SCHEMAS = {
+    "failures": Failures,
+    "failure": Failure,
+    "comparison": Comparison,
+    "learned": Learned,
+    "risk": Risk,
+    "report": Report,
+}
 
 
 @click.command()
 @click.argument("name", type=click.Choice(sorted(SCHEMAS)))
 def command(name: str) -> None:
-    """Print the JSON Schema (2020-12) of an object: of `failures`, `replay` (failure), `compare`, or the risk."""
+    """Print the JSON Schema (2020-12) of an object: of `failures`, `replay` (failure), `compare`, the risk, ..."""
     click.echo(json.dumps(msgspec.json.schema(SCHEMAS[name]), indent=2))

@@ -13,7 +13,11 @@ from service.client.errors import Refused
 from service.client.line import Line, Subscription
 
 if TYPE_CHECKING:
+    from service.comparison.objects import Comparison
     from service.failures.objects import Failures
+    from service.learned.objects import Learned
+    from service.report.objects import Report
+    from service.risk import Risk
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 PREFIX = "tailroad/v1"
@@ -101,11 +105,60 @@ class Client:
         return self._of(job, "failures", Failures, limit=limit, by=by)
 
     def rollout(
-        self, job: str, row: int, phase: str = "estimate", iteration: int | None = None, trace: bool = False
+        self,
+        job: str,
+        row: int,
+        phase: str = "estimate",
+        iteration: int | None = None,
+        trace: bool = False,
+        playback: bool = False,
+        camera: int = 0,
     ) -> O.RolloutView:
-        """One rollout, run once more."""
-        asked = {"phase": phase, "iteration": iteration, "trace": str(trace).lower()}
+        """One rollout, run once more; what to bring of it as of `service.api.requests.AskRollout`."""
+        asked = {
+            "phase": phase,
+            "iteration": iteration,
+            "trace": str(trace).lower(),
+            "playback": str(playback).lower(),
+            "camera": camera,
+        }
         return self._of(job, f"rollouts/{row}", O.RolloutView, **asked)
+
+    def export(
+        self, job: str, row: int, form: str, phase: str = "estimate", iteration: int | None = None
+    ) -> bytes:
+        """One rollout as a file: form is scenario, fcd, mp4 or mcap."""
+        return self._file(job, f"rollouts/{row}/export", format=form, phase=phase, iteration=iteration)
+
+    def learned(self, job: str, rollouts: int = 100) -> "Learned":
+        """What the search learned; waits while the service runs rollouts again."""
+        from service.learned.objects import Learned
+
+        return self._of(job, "learned", Learned, rollouts=rollouts)
+
+    def comparison(
+        self, jobs: Sequence[str], gamma: float | None = None, examine: int | None = None
+    ) -> "Comparison":
+        """Each of the jobs against each before it; gamma: one threshold for all; examine 0: without failure modes."""
+        from service.comparison.objects import Comparison
+
+        return self._ask("comparison", Comparison, jobs=",".join(jobs), gamma=gamma, examine=examine)
+
+    def risk(self, job: str, baseline: str | float | None = None, source: str | None = None) -> "Risk":
+        """p as a rate per million km, beside a baseline: its name, or events per million km."""
+        from service.risk import Risk
+
+        return self._of(job, "risk", Risk, baseline=baseline, source=source)
+
+    def report(self, job: str) -> str:
+        """The report as one HTML page."""
+        return self._file(job, "report").decode()
+
+    def report_json(self, job: str) -> "Report":
+        """The report's facts."""
+        from service.report.objects import Report
+
+        return self._of(job, "report.json", Report)
 
     def cancel(self, job: str) -> O.Done:
         return self._of(job, "cancel", O.Done)
@@ -176,10 +229,11 @@ class Client:
     def _of(self, job: str, what: str, kind: type[T], **parameters: Any) -> T:
         return self._ask(f"jobs/{quote(job, safe='')}/{what}", kind, **parameters)
 
+    def _file(self, job: str, what: str, **parameters: Any) -> bytes:
+        return self._wait(_selector(f"jobs/{quote(job, safe='')}/{what}", parameters), None)
+
     def _ask(self, key: str, kind: type[T], payload: bytes | None = None, **parameters: Any) -> T:
-        text = ";".join(f"{k}={quote(str(v), safe=',')}" for k, v in parameters.items() if v is not None)
-        selector = f"{PREFIX}/{key}" + (f"?{text}" if text else "")
-        return msgspec.json.decode(self._wait(selector, payload), type=kind)
+        return msgspec.json.decode(self._wait(_selector(key, parameters), payload), type=kind)
 
     def _wait(self, selector: str, payload: bytes | None) -> bytes:
         """The answer; where it is being computed, when it is there."""
@@ -192,6 +246,11 @@ class Client:
             if refused.kind not in PASSING or time.monotonic() >= until:
                 raise refused
             time.sleep(refused.problem.retry_after_s or 1.0)
+
+
+def _selector(key: str, parameters: dict[str, Any]) -> str:
+    text = ";".join(f"{k}={quote(str(v), safe=',')}" for k, v in parameters.items() if v is not None)
+    return f"{PREFIX}/{key}" + (f"?{text}" if text else "")
 
 
 def _over(event: O.Event) -> bool:

@@ -1,1 +1,1 @@
-"""Two egos, or two runs, on the same question: how p differs, and which ways to fail came and went."""
+"""Egos, or runs, on the same question: how p differs, and which ways to fail came and went."""

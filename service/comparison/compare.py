@@ -1,13 +1,25 @@
-"""From the records of two jobs to their comparison."""
+"""From the records of jobs to their comparison."""
 
+import math
+from collections import Counter
 from collections.abc import Sequence
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 
 import ce
 from service.comparison.differences import bounds_of, difference_of, pairs_of
-from service.comparison.objects import Comparison, Curves, Difference, ModeChange, ModeSide, Side
+from service.comparison.objects import (
+    Comparison,
+    Curves,
+    Difference,
+    Line,
+    ModeChange,
+    ModeSide,
+    Pair,
+    Side,
+)
 from service.comparison.words import said_of
 from service.errors import InputError
 from service.failures.events import events_of
@@ -29,53 +41,84 @@ from service.thresholds import curve_gammas
 
 
 def comparison_of(
-    a: JobRecord,
-    b: JobRecord,
-    runs: tuple[str, str],
+    records: Sequence[JobRecord],
+    runs: Sequence[str],
     most: int = EXAMINED,
     workers: int = 1,
-    folders: tuple[Path | None, Path | None] = (None, None),
+    folders: Sequence[Path | None] | None = None,
     watch: Watch = look_away,
 ) -> Comparison:
-    """B against A. InputError where they do not ask the same question; ce.OptionsError where confidences differ.
+    """Each against each. InputError where they do not ask the same question; ce.OptionsError where confidences differ.
 
-    runs: what the two are called; most: dangerous rollouts of each at most that are run again and grouped (0: no
-    modes); folders: where each remembers them; watch: told of (done, total), for A and then for B.
+    runs: what each is called; most: dangerous rollouts of each at most that are run again and grouped (0: no modes);
+    folders: where each remembers them; watch: told of (done, total), of one after the other.
     """
-    if a.job.gamma != b.job.gamma:
-        raise InputError(
-            f"{runs[0]} has gamma {a.job.gamma:g} and {runs[1]} gamma {b.job.gamma:g}: p of different events says "
-            "nothing about the egos; run one of them again with the other's --gamma"
-        )
-    for record, run in zip((a, b), runs, strict=True):
-        if not record.estimate.estimation_rollouts:
-            raise InputError(
-                f"{run} has no answered rollout by {record.job.method} yet: let it run, or give --method"
-            )
-    if a.job.scenario.safety != b.job.scenario.safety:
-        raise InputError(
-            f"{runs[0]} and {runs[1]} measure safety differently; compare runs with the same [safety]"
-        )
-    difference = difference_of(a.estimate, b.estimate)
+    check_comparable(records, runs)
     examined = []
-    for record, folder in zip((a, b), folders, strict=True):
+    for record, folder in zip(records, folders or [None] * len(records), strict=True):
         with Rerunner(record.job, workers) as rerunner:
             examined.append(examine(events_of(record), rerunner, (), most, (), folder, watch))
-    sides = (_side(a, runs[0], a.job.ego), _side(b, runs[1], b.job.ego))
-    if sides[0].name == sides[1].name:
-        sides = (_side(a, runs[0], runs[0]), _side(b, runs[1], runs[1]))
-    modes = _modes(*examined)
+    egos = Counter(record.job.ego for record in records)
+    sides = [
+        _side(record, run, record.job.ego if egos[record.job.ego] == 1 else run)
+        for record, run in zip(records, runs, strict=True)
+    ]
+    modes = modes_by_position(examined)
+    pairs = [_pair(a, b, sides, examined, modes) for a, b in combinations(range(len(records)), 2)]
     return Comparison(
-        gamma=a.job.gamma,
-        confidence=a.estimate.confidence,
-        a=sides[0],
-        b=sides[1],
+        gamma=records[0].estimate.gamma,
+        confidence=records[0].estimate.confidence,
+        sides=tuple(sides),
+        pairs=tuple(pairs),
+        curves=_curves(records),
+        notes=tuple(_notes(records, runs, examined, pairs)),
+    )
+
+
+def check_comparable(records: Sequence[JobRecord], runs: Sequence[str]) -> None:
+    """InputError where the jobs do not ask the same question, or one has no answer yet."""
+    if len(records) < 2 or len(set(runs)) < len(runs):
+        raise InputError(f"give two or more different runs to compare, not {', '.join(runs) or 'none'}")
+    first = records[0]
+    for record, run in zip(records, runs, strict=True):
+        if record.estimate.gamma != first.estimate.gamma:
+            raise InputError(
+                f"{runs[0]} has gamma {first.estimate.gamma:g} and {run} gamma {record.estimate.gamma:g}: p of "
+                "different events says nothing about the egos; give one threshold for all with gamma (--gamma)"
+            )
+        if not record.estimate.estimation_rollouts:
+            raise InputError(
+                f"{run} has no answered rollout by {record.job.method} yet: let it run, or name another job of it"
+            )
+        if record.job.scenario.safety != first.job.scenario.safety:
+            raise InputError(
+                f"{runs[0]} and {run} measure safety differently; compare runs with the same [safety]"
+            )
+
+
+def _pair(
+    a: int, b: int, sides: Sequence[Side], examined: Sequence[Examined], modes: Sequence[dict[int, str]]
+) -> Pair:
+    first, second = (examined[i].events.record.estimate for i in (a, b))
+    difference = difference_of(first, second)
+    changes = [
+        _change(
+            mode,
+            examined[a],
+            _members(examined[a], modes[a], mode),
+            examined[b],
+            _members(examined[b], modes[b], mode),
+        )
+        for mode in sorted({*modes[a].values(), *modes[b].values()})
+    ]
+    changes.sort(key=lambda m: (-abs(m.difference.difference), m.mode))
+    return Pair(
+        a=a,
+        b=b,
         difference=difference,
-        pairs=pairs_of(a.estimate, b.estimate),
-        modes=tuple(modes),
-        curves=_curves(a, b),
-        said=said_of(sides, difference, modes, a.job.gamma, a.estimate.confidence),
-        notes=tuple(_notes(a, b, runs, examined, difference.paired)),
+        draws=pairs_of(first, second),
+        modes=tuple(changes),
+        said=said_of((sides[a], sides[b]), difference, changes, first.gamma, first.confidence),
     )
 
 
@@ -97,16 +140,6 @@ def _side(record: JobRecord, run: str, name: str) -> Side:
         ci=estimate.ci,
         warnings=tuple(warning.name for warning in estimate.warnings),
     )
-
-
-def _modes(a: Examined, b: Examined) -> list[ModeChange]:
-    """The modes of both, their rollouts grouped together."""
-    in_a, in_b = modes_by_position([a, b])
-    found = [
-        _change(mode, a, _members(a, in_a, mode), b, _members(b, in_b, mode))
-        for mode in sorted({*in_a.values(), *in_b.values()})
-    ]
-    return sorted(found, key=lambda m: (-abs(m.difference.difference), m.mode))
 
 
 def _members(examined: Examined, modes: dict[int, str], mode: str) -> np.ndarray:
@@ -151,36 +184,34 @@ def _mode_difference(
     return difference_of(*parts)
 
 
-def _curves(a: JobRecord, b: JobRecord) -> Curves:
-    gammas = curve_gammas([a, b])
-    of_a, of_b = a.estimate.curve(gammas), b.estimate.curve(gammas)
-    return Curves(
-        gamma=tuple(gammas.tolist()),
-        a=tuple(of_a.p.tolist()),
-        a_low=tuple(of_a.low.tolist()),
-        a_high=tuple(of_a.high.tolist()),
-        b=tuple(of_b.p.tolist()),
-        b_low=tuple(of_b.low.tolist()),
-        b_high=tuple(of_b.high.tolist()),
-    )
+def _curves(records: Sequence[JobRecord]) -> Curves:
+    gammas = curve_gammas(records)
+    lines = []
+    for record in records:
+        curve = record.estimate.curve(gammas)
+        p = tuple(v if math.isfinite(v) else None for v in curve.p.tolist())
+        lines.append(Line(p=p, low=tuple(curve.low.tolist()), high=tuple(curve.high.tolist())))
+    return Curves(gamma=tuple(gammas.tolist()), sides=tuple(lines))
 
 
 def _notes(
-    a: JobRecord, b: JobRecord, runs: tuple[str, str], examined: Sequence[Examined], paired: bool
+    records: Sequence[JobRecord], runs: Sequence[str], examined: Sequence[Examined], pairs: Sequence[Pair]
 ) -> list[str]:
     notes = []
-    if a.job.scenario != b.job.scenario:
+    first, others = records[0], records[1:]
+    if any(record.job.scenario != first.job.scenario for record in others):
         notes.append(
-            "The two have different scenarios: a difference may come from them rather than from the ego."
+            "They have different scenarios: a difference may come from them rather than from the ego."
         )
-    if a.job.weights_sha256 != b.job.weights_sha256:
-        notes.append("The two have different driver weights, and so different traffic.")
-    if not paired:
+    if any(record.job.weights_sha256 != first.job.weights_sha256 for record in others):
+        notes.append("They have different driver weights, and so different traffic.")
+    apart = [f"{runs[p.a]} and {runs[p.b]}" for p in pairs if not p.difference.paired]
+    if apart:
         notes.append(
-            "The two did not run the same draws, so their variances add: naive Monte Carlo with the same seed and "
-            "budget (`tailroad compare SCENARIO --ego A --ego B`) needs far fewer rollouts to tell them apart."
+            f"{'; '.join(apart)}: not the same draws, so that variances add. Naive Monte Carlo with the same seed and "
+            "budget (`tailroad compare SCENARIO --ego A --ego B`) needs far fewer rollouts to tell egos apart."
         )
-    for record, run, one in zip((a, b), runs, examined, strict=True):
+    for record, run, one in zip(records, runs, examined, strict=True):
         notes += [f"{run}: {warning.name}: {warning.message}" for warning in record.estimate.warnings]
         notes += [f"{run}: {note}" for note in notes_on(one)]
     return notes

@@ -1,14 +1,17 @@
-"""What is told of a comparison, as JSON objects; `tailroad schema comparison` prints their JSON Schema."""
+"""What is told of a comparison, as JSON objects; `tailroad schema comparison` prints their JSON Schema.
+
+In a pair, A is what is compared against and B what is new.
+"""
 
 import msgspec
 
-FORMAT = 1
+FORMAT = 2
 
 
 class Side(msgspec.Struct, frozen=True, kw_only=True):
-    """One of the two: A is what is compared against, B what is new."""
+    """One of those that are compared."""
 
-    name: str
+    name: str  # the ego's, or the run's where several have the same ego
     run: str
     scenario: str
     ego: str
@@ -67,29 +70,40 @@ class ModeChange(msgspec.Struct, frozen=True, kw_only=True):
     change: str
 
 
+class Pair(msgspec.Struct, frozen=True, kw_only=True):
+    """Side `b` (its place in `sides`) against side `a`: difference and ratio of p, and the ways to fail that came and
+    went. draws: where both ran the same ones by naive Monte Carlo."""
+
+    a: int
+    b: int
+    difference: Difference
+    draws: Pairs | None
+    modes: tuple[ModeChange, ...]  # the largest change of p first
+    said: str
+
+
+class Line(msgspec.Struct, frozen=True, kw_only=True):
+    """p of one side at each threshold of the curves, with pointwise intervals."""
+
+    p: tuple[float | None, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+
 class Curves(msgspec.Struct, frozen=True, kw_only=True):
-    """p of both against the threshold, with pointwise intervals."""
+    """p of all sides, in their order, against the threshold."""
 
     gamma: tuple[float, ...]
-    a: tuple[float, ...]
-    a_low: tuple[float, ...]
-    a_high: tuple[float, ...]
-    b: tuple[float, ...]
-    b_low: tuple[float, ...]
-    b_high: tuple[float, ...]
+    sides: tuple[Line, ...]
 
 
 class Comparison(msgspec.Struct, frozen=True, kw_only=True):
-    """Two egos or two runs on the same question."""
+    """Egos or runs on the same question; pairs: each against each that stands before it."""
 
     format: int = FORMAT
     gamma: float
     confidence: float
-    a: Side
-    b: Side
-    difference: Difference
-    pairs: Pairs | None  # where both ran the same draws by naive Monte Carlo
-    modes: tuple[ModeChange, ...]  # the largest change of p first
+    sides: tuple[Side, ...]
+    pairs: tuple[Pair, ...]
     curves: Curves
-    said: str
     notes: tuple[str, ...]

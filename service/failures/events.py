@@ -80,7 +80,7 @@ def events_of(record: JobRecord) -> Events:
 
 def _of_chains(record: JobRecord) -> Events:
     """Of a method that moves chains: every dangerous rollout that it has met, all of one weight."""
-    keys = [k for k, (_, _, f) in record.explicit.items() if k[0] == CHAINS and f <= record.job.gamma]
+    keys = [k for k, (_, _, f) in record.explicit.items() if k[0] == CHAINS and f <= record.estimate.gamma]
     keys.sort()
     met = [record.explicit[k] for k in keys]
     n = len(met)

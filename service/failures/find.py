@@ -51,7 +51,7 @@ def find_failures(
         scenario=job.scenario.name,
         ego=job.ego,
         method=job.method,
-        gamma=job.gamma,
+        gamma=estimate.gamma,
         confidence=estimate.confidence,
         p=estimate.p if estimate.estimation_rollouts else None,
         ci=estimate.ci,

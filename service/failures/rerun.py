@@ -10,6 +10,7 @@ from types import TracebackType
 import numpy as np
 
 from service.errors import WorkerError
+from service.failures.driving import Driving, driving_of
 from service.failures.motion import Motion, motion_of
 from service.job import Job, Problem
 from service.sim.rollout import Simulator
@@ -23,8 +24,9 @@ Draw = tuple[np.ndarray, int]  # x (d,) and the noise seed
 class Again:
     """A rollout that was run once more.
 
-    driven_m, time_s: how far and how long the ego drove; motion: None where the smallest value is to background
-    traffic, or the rollout failed; trace: of those asked for.
+    driven_m, time_s: how far and how long the ego drove; driving: how the others did; motion: None where the smallest
+    value is to background traffic, or the rollout failed; trace: of those asked for. What is remembered of an earlier
+    time has f, outcome, error and motion alone.
     """
 
     f: float
@@ -33,6 +35,7 @@ class Again:
     driven_m: float = 0.0
     time_s: float = 0.0
     motion: Motion | None = None
+    driving: Driving | None = None
     trace: Trace | None = None
 
 
@@ -150,5 +153,6 @@ def look(problem: Problem, simulator: Simulator, x: np.ndarray, noise: int) -> A
         float(station[-1] - station[0]),
         float(trace.time_s[-1]),
         motion_of(trace, problem.job.scenario.safety.rays, problem.corridor),
+        driving_of(trace),
         trace,
     )

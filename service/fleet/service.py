@@ -139,10 +139,10 @@ class Fleet:
         self._row(job)
         return self._store.iterations(job, after, limit)
 
-    def record(self, job: str) -> JobRecord:
+    def record(self, job: str, gamma: float | None = None) -> JobRecord:
         """The job's whole record, replayed: failures, dangerous rollouts, the seeds that bring a rollout back. It reads
-        everything; keep it rather than ask again."""
-        return replay(self.reader(job), self._row(job).job)
+        everything; keep it rather than ask again. gamma: of the event f <= gamma instead of the job's own."""
+        return replay(self.reader(job), self._row(job).job, gamma)
 
     def reader(self, job: str) -> JobReader:
         """The job's chunks, as `service.record` and `service.report` read a run directory."""

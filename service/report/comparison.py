@@ -14,8 +14,8 @@ from service.report.ink import Picture
 from service.report.page import render
 from service.wording import significant
 
-COLOURS = {"a": ink.COLOURS["naive"], "b": ink.COLOURS["ce"]}
-STYLES = {"a": "--", "b": "-"}
+COLOURS = (*ink.COLOURS.values(), *ink.SPARE_COLOURS)  # one after the other for the sides
+STYLES = ("--", "-", "-.", ":")
 DECADES = 8
 
 
@@ -24,7 +24,7 @@ def write_comparison(found: Comparison, path: Path, now: datetime | None = None)
     html = render(
         "versus.html",
         c=found,
-        colours=COLOURS,
+        colours=[colour_of(i) for i in range(len(found.sides))],
         pictures=[curves(found)],
         version=version("tailroad"),
         made=(now or datetime.now(UTC)).isoformat(timespec="seconds"),
@@ -38,36 +38,37 @@ def write_comparison(found: Comparison, path: Path, now: datetime | None = None)
         raise StoreError(f"cannot write {path}: {error.strerror or error}; give another --html") from error
 
 
+def colour_of(side: int) -> str:
+    return COLOURS[side % len(COLOURS)]
+
+
 def curves(found: Comparison) -> Picture:
-    """p against the threshold, both in one picture."""
+    """p against the threshold, all in one picture."""
     c = found.curves
     gamma = np.array(c.gamma)
-    positive = [v for v in (*c.a, *c.b) if v > 0]
+    positive = [v for line in c.sides for v in line.p if v]
     bottom = max(min(positive, default=1e-6) / 5.0, max(positive, default=0.0) * 10.0**-DECADES)
     with ink.figure(3.3) as drawn:
         axes = drawn.add_subplot()
-        for key, name, p, low, high in (
-            ("a", found.a.name, c.a, c.a_low, c.a_high),
-            ("b", found.b.name, c.b, c.b_low, c.b_high),
-        ):
-            floor = np.maximum(np.array([low, high]), bottom)
-            axes.fill_between(gamma, *floor, color=COLOURS[key], alpha=ink.BAND, lw=0)
-            shown = np.where(np.array(p) > 0, p, np.nan)
-            axes.plot(gamma, shown, color=COLOURS[key], linestyle=STYLES[key], label=f"{key.upper()}: {name}")
+        for i, (side, line) in enumerate(zip(found.sides, c.sides, strict=True)):
+            floor = np.maximum(np.array([line.low, line.high]), bottom)
+            axes.fill_between(gamma, *floor, color=colour_of(i), alpha=ink.BAND, lw=0)
+            shown = np.array([v or np.nan for v in line.p])
+            axes.plot(gamma, shown, color=colour_of(i), linestyle=STYLES[i % len(STYLES)], label=side.name)
         axes.axvline(found.gamma, color=ink.BASE, linewidth=1.0)
         axes.set_xlim(gamma[0], gamma[-1])
         axes.set_ylim(bottom, 1.2)
         ink.log_axis(axes, "y")
         if gamma[0] > 0:
             ink.log_axis(axes, "x", lambda v: f"{v:g}")
-        axes.set_xlabel("threshold γ, s")
+        axes.set_xlabel("threshold γ")
         axes.set_ylabel("probability of f ≤ γ")
         axes.legend(loc="lower right")
+        at_gamma = "; ".join(f"{significant(side.p)} for {side.name}" for side in found.sides)
         return ink.picture(
             drawn,
-            "Both for other thresholds",
-            f"Probability that f is at most gamma for both, from {gamma[0]:.3g} s to {gamma[-1]:.3g} s; at "
-            f"{found.gamma:g} s it is {significant(found.a.p)} for {found.a.name} and {significant(found.b.p)} for "
-            f"{found.b.name}.",
+            "All for other thresholds",
+            f"Probability that f is at most gamma, from {gamma[0]:.3g} to {gamma[-1]:.3g}; at {found.gamma:g} it is "
+            f"{at_gamma}.",
             "Bands: intervals at each threshold by itself. The vertical line is γ.",
         )

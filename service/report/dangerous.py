@@ -1,7 +1,7 @@
 """How the ego fails: the failure modes of a run, rollouts of them worth drawing, and how far the ego drives."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from service.exposure import Exposure, exposure_of
@@ -10,6 +10,8 @@ from service.failures.find import Found, find_failures
 from service.failures.objects import Failure, Failures
 from service.failures.rerun import Rerunner
 from service.failures.tell import failure_told
+from service.learned.learn import learned_of
+from service.learned.objects import Learned
 from service.record import JobRecord
 from service.trace import Trace
 
@@ -40,6 +42,7 @@ class LookBack:
     failures: Failures | None = None
     retold: tuple[Retold, ...] = ()
     exposure: Exposure | None = None
+    learned: dict[str, Learned] = field(default_factory=dict)  # by job
 
 
 def look_back(
@@ -54,6 +57,7 @@ def look_back(
         found = find_failures(run, record, rerunner, limit=drawn, most=EXAMINED, folder=folder)
         shown = worth_drawing(found, drawn)
         traced = examine(found.examined.events, rerunner, (), 0, shown, folder)
+        learned = learned_of(record.job.id, record, rerunner)
     rank = {position: i for i, position in enumerate(found.ranking, start=1)}
     retold = [
         Retold(
@@ -63,7 +67,7 @@ def look_back(
         )
         for i in shown
     ]
-    return LookBack(found.failures, tuple(retold), exposure)
+    return LookBack(found.failures, tuple(retold), exposure, {record.job.id: learned})
 
 
 def worth_drawing(found: Found, count: int) -> list[int]:

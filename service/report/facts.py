@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -20,12 +19,12 @@ from service.job import Job
 from service.record import JobRecord
 from service.report import words
 from service.report.dangerous import LookBack, Retold
+from service.report.objects import FORMAT
 from service.risk import POLICE_REPORTED, Baseline, event_of, rate_of
 from service.scenario.base import PER_VEHICLE
 from service.summary import Cost, comparisons, json_ready, summary_of, variance_reliable
 from service.thresholds import curve_gammas
 
-FORMAT = 1
 FAILURES_LISTED = 20
 PACKAGES = ("tailroad", "libsumo", "numpy", "scipy", "numba", "cvxpy")
 XI_OUTPUTS = ("mean acceleration", "mean turn rate", "log spread of acceleration", "log spread of turn rate")
@@ -35,7 +34,7 @@ LEAST_SHIFT_SD = 0.1
 
 
 def facts_of(
-    path: Path,
+    run: str,
     records: Sequence[JobRecord],
     seen: LookBack,
     now: datetime,
@@ -52,7 +51,7 @@ def facts_of(
     facts = {
         "format": FORMAT,
         "made": now.isoformat(timespec="seconds"),
-        "run": path.name,
+        "run": run,
         "question": words.question(first),
         "headline": headline,
         "disagreement": _disagreement(jobs),
@@ -75,6 +74,7 @@ def facts_of(
         },
         "jobs": jobs,
         "risk": _risk(headline, first, seen.exposure, baseline),
+        "learned": {job: msgspec.to_builtins(found) for job, found in seen.learned.items()},
         "failure_modes": _failure_modes(seen.failures),
         "dangerous": [_dangerous(r) for r in seen.retold],
         "commands": words.commands([r.job for r in records]),

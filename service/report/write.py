@@ -1,11 +1,14 @@
-"""From a run directory to its report files."""
+"""From records to a report, and from a run directory to its report files."""
 
 import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from service.errors import StoreError
-from service.record import replay
+from service.record import JobRecord, replay
 from service.report.dangerous import LookBack, look_back, telling
 from service.report.facts import facts_of
 from service.report.page import page_of
@@ -13,6 +16,33 @@ from service.risk import POLICE_REPORTED, Baseline
 from service.store import RunDirectory
 
 DRAWN = 6  # dangerous rollouts in a report
+
+
+@dataclass(frozen=True)
+class Made:
+    """A report: its facts and its page."""
+
+    facts: dict[str, Any]
+    html: str
+
+
+def report_of(
+    run: str,
+    records: Sequence[JobRecord],
+    drawn: int = DRAWN,
+    workers: int = 1,
+    folder: Path | None = None,
+    now: datetime | None = None,
+    baseline: Baseline = POLICE_REPORTED,
+) -> Made:
+    """The report of the jobs of a run, from their records alone: finished, interrupted, or still going on.
+
+    run: what it is called; drawn: dangerous rollouts to show, run again in `workers` processes (0: no SUMO, no failure
+    modes, no risk); folder: where what was run again is remembered; baseline: what the risk is held against.
+    """
+    seen = look_back(run, telling(records), drawn, workers, folder) if drawn else LookBack()
+    facts = facts_of(run, records, seen, now or datetime.now(UTC), baseline)
+    return Made(facts, page_of(facts, records, seen))
 
 
 def write_report(
@@ -25,10 +55,8 @@ def write_report(
 ) -> Path:
     """Write report.html and report.json into `out` (default: the run directory); the HTML file's path.
 
-    Everything is taken from the record, so it works on a finished run, an interrupted one and one that still goes on.
-    Dangerous rollouts are run again in `workers` processes, and `drawn` of them drawn (0: no SUMO, no failure modes, no
-    risk). baseline: what the risk is held against. Raises StoreError where the record cannot be read, belongs to other
-    weights, or the files cannot be written.
+    The rest as of `report_of`. Raises StoreError where the record cannot be read, belongs to other weights, or the
+    files cannot be written.
     """
     folder = store.path if out is None else out
     try:
@@ -36,16 +64,12 @@ def write_report(
     except OSError as error:
         raise _cannot_write(folder, error) from error
     records = [replay(store, job) for job in store.jobs]
-    seen = LookBack()
-    if drawn:
-        seen = look_back(store.path.name, telling(records), drawn, workers, store.path)
-    facts = facts_of(store.path, records, seen, now or datetime.now(UTC), baseline)
-    html = page_of(facts, records, seen)
+    made = report_of(store.path.name, records, drawn, workers, store.path, now, baseline)
     page = folder / "report.html"
     try:
-        text = json.dumps(facts, indent=1, allow_nan=False, ensure_ascii=False)
+        text = json.dumps(made.facts, indent=1, allow_nan=False, ensure_ascii=False)
         (folder / "report.json").write_text(text + "\n", encoding="utf-8")
-        page.write_text(html, encoding="utf-8")
+        page.write_text(made.html, encoding="utf-8")
     except OSError as error:
         raise _cannot_write(folder, error) from error
     return page

@@ -247,7 +247,7 @@ def test_an_unfinished_job_counts_as_far_as_its_record_goes(scenario, tmp_path, 
     job = jobs_of(scenario)[1]
     with RunDirectory.create(tmp_path / "half", (job,)) as store:
         fill(store, job, chunks=chunks)
-        (facts,) = facts_of(store.path, [replay(store, job)], LookBack(), NOW)["jobs"]
+        (facts,) = facts_of(store.path.name, [replay(store, job)], LookBack(), NOW)["jobs"]
     assert not facts["finished"]
     assert facts["p"] is None
     assert len(facts["training"]) == chunks // 2
@@ -296,7 +296,7 @@ def test_the_report_is_the_same_each_time(run):
     path, html, _, facts = run
     with RunDirectory.open(path) as store:
         records = [replay(store, job) for job in store.jobs]
-    again = facts_of(path, records, LookBack(), NOW)
+    again = facts_of(path.name, records, LookBack(), NOW)
     assert again == facts
     assert figures.outcomes(again["jobs"]).source in html
 
@@ -305,10 +305,10 @@ def test_methods_that_cannot_both_be_right_are_named(run):
     path, _, _, _ = run
     with RunDirectory.open(path) as store:
         naive, search = (replay(store, job) for job in store.jobs)
-    assert facts_of(path, [naive, search], LookBack(), NOW)["disagreement"] is None
+    assert facts_of(path.name, [naive, search], LookBack(), NOW)["disagreement"] is None
     wrong = dataclasses.replace(naive.estimate, f=np.zeros(3000))
     odd = dataclasses.replace(naive, estimate=wrong)
-    assert "no value in common" in facts_of(path, [odd, search], LookBack(), NOW)["disagreement"]
+    assert "no value in common" in facts_of(path.name, [odd, search], LookBack(), NOW)["disagreement"]
 
 
 def test_a_folder_that_cannot_be_written_is_an_error_that_says_so(run, tmp_path):

@@ -36,19 +36,23 @@ def compared(scenario_text, tmp_path_factory) -> tuple[Path, dict]:
 def test_compare_runs_both_on_the_same_draws(compared):
     folder, told = compared
     found = msgspec.convert(told, Comparison)
-    assert (found.a.ego, found.b.ego, found.a.rollouts) == ("idm", "lidar", 30)
-    assert found.difference.paired
-    assert found.pairs is not None
-    assert sum(msgspec.to_builtins(found.pairs).values()) == 30
-    assert html.escape(found.said) in (folder / "both.html").read_text(encoding="utf-8")
+    assert [(side.ego, side.rollouts) for side in found.sides] == [("idm", 30), ("lidar", 30)]
+    (pair,) = found.pairs
+    assert pair.difference.paired
+    assert pair.draws is not None
+    assert sum(msgspec.to_builtins(pair.draws).values()) == 30
+    assert html.escape(pair.said) in (folder / "both.html").read_text(encoding="utf-8")
 
 
 def test_compare_reads_two_runs(compared):
     folder, told = compared
     runs = str(folder / "runs" / "a-idm"), str(folder / "runs" / "b-lidar")
     again = json.loads(run("compare", *runs, "--workers", "1", "--json").stdout)
-    assert again["difference"] == told["difference"]
-    assert again["modes"] == told["modes"]
+    assert again["pairs"] == told["pairs"]
+    wider = json.loads(
+        run("compare", *runs, "--workers", "1", "--gamma", "4", "--examine", "0", "--json").stdout
+    )
+    assert wider["sides"][0]["p"] > told["sides"][0]["p"]
     printed = run("compare", *runs, "--workers", "1").output
     assert "are dangerous to both" in printed
 
@@ -119,10 +123,11 @@ def test_the_report_tells_how_it_fails_and_the_risk(compared, tmp_path):
         (("failures", "{run}", "--method", "ce"), "has naive"),
         (("replay", "{run}", "1", "--recording", "{folder}/x.rrd"), ".mcap"),
         (("replay", "{run}", "1", "--scenario", "{folder}/none/x.toml"), "does not exist"),
-        (("compare", "i80-10s", "--ego", "idm", "--gamma", "1"), "two different egos"),
+        (("compare", "i80-10s", "--ego", "idm", "--gamma", "1"), "two or more different egos"),
         (("compare", "i80-10s", "--ego", "idm", "--ego", "lidar"), "threshold"),
-        (("compare", "{run}", "{run}", "--gamma", "1"), "leave out"),
-        (("compare", "{run}", "{run}", "{run}"), "not 3"),
+        (("compare", "{run}", "{run}", "--ego", "idm"), "leave out"),
+        (("compare", "{run}", "{run}"), "different runs"),
+        (("compare", "{run}"), "two or more"),
         (("report", "{run}", "--baseline", "often"), "events per million km"),
     ],
 )
@@ -132,7 +137,7 @@ def test_wrong_use_is_told_in_one_sentence(compared, tmp_path, arguments, said):
     assert said in " ".join(run(*filled, expect=2).output.split())
 
 
-@pytest.mark.parametrize("name", ["failures", "failure", "comparison", "risk"])
+@pytest.mark.parametrize("name", ["failures", "failure", "comparison", "learned", "report", "risk"])
 def test_schemas_are_printed(name):
     schema = json.loads(run("schema", name).stdout)
     assert schema["$defs"]

@@ -1,4 +1,4 @@
-"""Two egos on the same real rollouts."""
+"""Egos on the same real rollouts."""
 
 import json
 
@@ -8,7 +8,7 @@ import pytest
 
 import ce
 from service.comparison.compare import comparison_of
-from service.comparison.objects import Comparison
+from service.comparison.objects import Comparison, Pair
 from service.errors import InputError
 from service.job import Problem, make_job
 from service.pool import Work, run_chunk
@@ -38,47 +38,77 @@ def records(make_scenario, tmp_path_factory):
 @pytest.fixture(scope="module")
 def compared(records) -> Comparison:
     (a, folder_a), (b, folder_b) = records
-    return comparison_of(a, b, ("first", "second"), folders=(folder_a, folder_b))
+    return comparison_of([a, b], ["first", "second"], folders=[folder_a, folder_b])
 
 
-def test_it_says_what_ce_says_of_both(records, compared):
+@pytest.fixture(scope="module")
+def pair(compared) -> Pair:
+    (found,) = compared.pairs
+    return found
+
+
+def test_it_says_what_ce_says_of_both(records, compared, pair):
     a, b = (record.estimate for record, _ in records)
-    assert (compared.a.p, compared.b.p) == (a.p, b.p)
-    assert (compared.a.name, compared.b.name) == ("idm", "lidar")
-    assert compared.difference.difference == b.p - a.p
-    assert compared.difference.paired
-    assert compared.pairs is not None
-    assert compared.pairs.both + compared.pairs.only_a == a.events
-    assert compared.pairs.both + compared.pairs.only_b == b.events
-    low, high = compared.difference.difference_ci
-    assert low <= compared.difference.difference <= high
+    assert [side.p for side in compared.sides] == [a.p, b.p]
+    assert [side.name for side in compared.sides] == ["idm", "lidar"]
+    assert (pair.a, pair.b) == (0, 1)
+    assert pair.difference.difference == b.p - a.p
+    assert pair.difference.paired
+    assert pair.draws is not None
+    assert pair.draws.both + pair.draws.only_a == a.events
+    assert pair.draws.both + pair.draws.only_b == b.events
+    low, high = pair.difference.difference_ci
+    assert low <= pair.difference.difference <= high
 
 
-def test_modes_of_both_add_up_and_say_which_came_and_went(compared):
-    assert sum(m.a.events for m in compared.modes) == compared.a.events
-    assert sum(m.b.events for m in compared.modes) == compared.b.events
-    assert sum(m.a.p for m in compared.modes) == pytest.approx(compared.a.p)
-    for mode in compared.modes:
+def test_modes_of_both_add_up_and_say_which_came_and_went(compared, pair):
+    a, b = compared.sides
+    assert sum(m.a.events for m in pair.modes) == a.events
+    assert sum(m.b.events for m in pair.modes) == b.events
+    assert sum(m.a.p for m in pair.modes) == pytest.approx(a.p)
+    for mode in pair.modes:
         assert (mode.change == "appeared") == (mode.a.events == 0)
         assert (mode.change == "vanished") == (mode.b.events == 0)
         assert mode.difference.difference == pytest.approx(mode.b.p - mode.a.p)
 
 
-def test_the_other_way_round_it_is_mirrored(records, compared):
+def test_the_other_way_round_it_is_mirrored(records, pair):
     (a, folder_a), (b, folder_b) = records
-    back = comparison_of(b, a, ("second", "first"), folders=(folder_b, folder_a))
-    low, high = compared.difference.difference_ci
+    (back,) = comparison_of([b, a], ["second", "first"], folders=[folder_b, folder_a]).pairs
+    low, high = pair.difference.difference_ci
     assert back.difference.difference_ci == pytest.approx((-high, -low))
     swapped = {"appeared": "vanished", "vanished": "appeared", "more": "less", "less": "more"}
     assert {m.mode: swapped.get(m.change, m.change) for m in back.modes} == {
-        m.mode: m.change for m in compared.modes
+        m.mode: m.change for m in pair.modes
     }
 
 
-def test_both_curves_meet_the_estimates_at_gamma(compared):
+def test_of_three_each_is_held_against_each_before_it(records):
+    (a, _), (b, _) = records
+    found = comparison_of([a, b, a], ["first", "second", "third"], most=0)
+    assert [(p.a, p.b) for p in found.pairs] == [(0, 1), (0, 2), (1, 2)]
+    assert [side.name for side in found.sides] == ["first", "lidar", "third"]
+    assert found.pairs[1].difference.difference == 0.0
+    assert len(found.curves.sides) == 3
+
+
+def test_all_curves_meet_the_estimates_at_gamma(compared):
     at = compared.curves.gamma.index(1.5)
-    assert (compared.curves.a[at], compared.curves.b[at]) == (compared.a.p, compared.b.p)
-    assert np.all(np.diff(compared.curves.a) >= 0)
+    for side, line in zip(compared.sides, compared.curves.sides, strict=True):
+        assert line.p[at] == side.p
+        assert np.all(np.diff(line.p) >= 0)
+
+
+def test_another_threshold_counts_other_rollouts(records, pair):
+    a = records[0][0]
+    wider = []
+    for record, folder in records:
+        with RunDirectory.open(folder) as store:
+            wider.append(replay(store, record.job, 3.0))
+    found = comparison_of(wider, ["first", "second"], most=0)
+    assert found.gamma == 3.0
+    assert found.sides[0].p == a.estimate.curve([3.0]).p[0]
+    assert found.sides[0].events == np.count_nonzero(a.estimate.f <= 3.0) == wider[0].event_rows.size
 
 
 def test_runs_of_different_events_are_not_compared(records, make_scenario):
@@ -88,14 +118,14 @@ def test_runs_of_different_events_are_not_compared(records, make_scenario):
         RunDirectory.open(folder) as store,
         pytest.raises(InputError, match=r"gamma 1\.5 and second gamma 1\.4"),
     ):
-        comparison_of(a, replay(store, other), ("first", "second"), most=0)
+        comparison_of([a, replay(store, other)], ["first", "second"], most=0)
 
 
 def test_the_page_and_the_json_say_the_same(compared, tmp_path):
     write_comparison(compared, tmp_path / "both.html")
     html = (tmp_path / "both.html").read_text(encoding="utf-8")
     assert "lidar against idm" in html
-    for mode in compared.modes:
+    for mode in compared.pairs[0].modes:
         assert mode.name in html
     assert "<script" not in html
     told = msgspec.convert(json.loads((tmp_path / "both.json").read_text()), Comparison)
