@@ -87,7 +87,7 @@ def parts(scenario: Scenario, ego: str, measured: dict[str, float]) -> dict[str,
     with problem.simulator() as simulator:
         recorder = _Poses()
         simulator.run(x[0], int(noise[0]), recorder)
-        world = simulator._world
+        world, camera = simulator._world, simulator._camera
     agents, observations = recorder.states[0] if recorder.states else (world.agents, world.observations)
     road, net = world.road, problem.drivers
     head = problem.drivers.mu0.astype(np.float32)
@@ -97,6 +97,11 @@ def parts(scenario: Scenario, ego: str, measured: dict[str, float]) -> dict[str,
     n, own = world.vehicles, world.ego
     policy = load_ego(ego)
     seen = Observation(observations[own], 0.0)
+    looking_on = 0.0
+    if camera is not None:
+        camera.begin(x[0], 1)
+        seen.frame = camera.picture(agents, n, own, 0)
+        looking_on = _time(lambda: camera.picture(agents, n, own, 0), REPEATS // 10)
     moving = agents.copy()
     normals = np.zeros((n, 2))
 
@@ -111,12 +116,13 @@ def parts(scenario: Scenario, ego: str, measured: dict[str, float]) -> dict[str,
     )
     safety = _time(lambda: ego_time_to_collision(agents, n, own, rays, ranges, rates))
     network = _time(lambda: forward(observations[1], net.w1, net.b1, net.w2, net.b2, head, outputs))
-    acting = _time(lambda: policy.act(seen))
+    acting = _time(lambda: policy.act(seen), REPEATS if camera is None else REPEATS // 10)
     moved = _time(step_all)
     drivers = (n - 1) * network
     result = {
         "sumo": measured["bare_us_per_step"],
         "observation": max(looking - safety, 0.0),
+        "camera": looking_on,
         "policies": drivers + acting,
         "dynamics": max(moved - drivers, 0.0),
         "safety": safety,

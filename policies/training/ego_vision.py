@@ -26,7 +26,7 @@ from policies.egos.vision import VisionEgo, beside
 from policies.training.drivers import Stages, parse, public, versions
 from policies.training.ego_vision_figures import figures
 from policies.training.ego_vision_network import ACTION_SCALE, CHANNELS, HINT_SCALE, VisionNet, export
-from policies.training.ego_vision_world import States, VisionWorld
+from policies.training.ego_vision_world import WEATHER_KINDS, States, VisionWorld
 from policies.training.expert import mean_action
 from policies.training.lane_changes import KeepingExpert
 
@@ -92,11 +92,19 @@ def main() -> None:
                     f"visited-{turn}", lambda rng=rng: visited(world, VisionEgo(onnx), arguments, rng)
                 )
                 states = States.joined([states, new])
-        check_rng = np.random.default_rng(streams[-1])
-        measured = stages.get(
-            "figures",
-            lambda: figures(world, VisionEgo(onnx), EXPERT, arguments.check_drives, check_rng, progress),
-        )
+        task = progress.add_task("figures", total=len(WEATHER_KINDS))
+        measured = {}
+        for (name, weather), stream in zip(
+            WEATHER_KINDS.items(), streams[-1].spawn(len(WEATHER_KINDS)), strict=True
+        ):
+            rng = np.random.default_rng(stream)
+            measured[name] = stages.get(
+                f"figures, {name}".replace("/", " per "),
+                lambda weather=weather, rng=rng: figures(
+                    world, VisionEgo(onnx), EXPERT, weather, arguments.check_drives, rng
+                ),
+            )
+            progress.update(task, advance=1)
 
     card = {
         "name": "ego-vision",

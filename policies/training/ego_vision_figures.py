@@ -4,8 +4,9 @@ import numpy as np
 from scipy.stats import beta
 
 from policies.egos.protocol import EgoPolicy, Observation
-from policies.training.ego_vision_world import WEATHER_KINDS, VisionWorld
+from policies.training.ego_vision_world import VisionWorld
 from policies.training.expert import Expert, mean_action
+from service.camera import Weather
 from service.sim import step
 
 STEPS = 100  # of a drive of the closed loop: i80-10s
@@ -14,31 +15,31 @@ OPEN_LOOP = 300  # moments of the open loop in each weather
 
 
 def figures(
-    world: VisionWorld, ego: EgoPolicy, expert: Expert, drives: int, rng: np.random.Generator, progress
+    world: VisionWorld,
+    ego: EgoPolicy,
+    expert: Expert,
+    weather: Weather,
+    drives: int,
+    rng: np.random.Generator,
 ) -> dict:
-    """Open- and closed-loop figures for each weather, with n and 95% intervals."""
-    result: dict[str, dict] = {}
-    task = progress.add_task("figures", total=len(WEATHER_KINDS))
-    for name, weather in WEATHER_KINDS.items():
-        states = world.scattered(OPEN_LOOP, rng)
-        error = []
-        for k in range(OPEN_LOOP):
-            frame = world.camera.render(world.scene, states.poses[k], int(states.own[k]), weather, k)
-            error.append(ego.act(Observation(states.seen[k], 0.0, None, frame)))
-        error = np.array(error) - mean_action(expert, states.seen[:OPEN_LOOP])
-        runs = [world.drive(ego, weather, "i80-10s", STEPS, rng) for _ in range(drives)]
-        long = [world.drive(ego, weather, "i80-10s", LONG_STEPS, rng) for _ in range(max(drives // 10, 1))]
-        result[name] = {
-            "open_loop": {
-                "n": OPEN_LOOP,
-                "rmse_accel_mps2": round(float(np.sqrt(np.mean(error[:, 0] ** 2))), 4),
-                "rmse_turn_rate_radps": round(float(np.sqrt(np.mean(error[:, 1] ** 2))), 5),
-            },
-            "i80_10s": outcomes(runs),
-            "whole_road": outcomes(long),
-        }
-        progress.update(task, advance=1)
-    return result
+    """Open- and closed-loop figures in one weather, with n and 95% intervals."""
+    states = world.scattered(OPEN_LOOP, rng)
+    answers = []
+    for k in range(OPEN_LOOP):
+        frame = world.camera.render(world.scene, states.poses[k], int(states.own[k]), weather, k)
+        answers.append(ego.act(Observation(states.seen[k], 0.0, None, frame)))
+    error = np.array(answers) - mean_action(expert, states.seen[:OPEN_LOOP])
+    runs = [world.drive(ego, weather, "i80-10s", STEPS, rng) for _ in range(drives)]
+    long = [world.drive(ego, weather, "i80-10s", LONG_STEPS, rng) for _ in range(max(drives // 10, 1))]
+    return {
+        "open_loop": {
+            "n": OPEN_LOOP,
+            "rmse_accel_mps2": round(float(np.sqrt(np.mean(error[:, 0] ** 2))), 4),
+            "rmse_turn_rate_radps": round(float(np.sqrt(np.mean(error[:, 1] ** 2))), 5),
+        },
+        "i80_10s": outcomes(runs),
+        "whole_road": outcomes(long),
+    }
 
 
 def outcomes(drives: list) -> dict:

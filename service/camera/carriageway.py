@@ -59,12 +59,8 @@ def pave(corridor: Corridor, hov_lanes: set[int], b: GroundBuilder) -> None:
     """The corridor's own surface and markings; hov_lanes: indices of lanes for several occupants, 0 the leftmost."""
     at = stations(corridor, STEP_M, -SEALED_BEYOND_M, corridor.length_m + SEALED_BEYOND_M)
     left, right = edge_offsets(corridor, at)
-    b.strip(
-        points(corridor, at, left + SHOULDER_LEFT_M),
-        points(corridor, at, right - SHOULDER_RIGHT_M),
-        ROAD,
-        SHOULDER,
-    )
+    b.strip(points(corridor, at, left + SHOULDER_LEFT_M), points(corridor, at, left), ROAD, SHOULDER)
+    b.strip(points(corridor, at, right), points(corridor, at, right - SHOULDER_RIGHT_M), ROAD, SHOULDER)
     b.strip(points(corridor, at, left), points(corridor, at, right), LANES, ASPHALT)
     _wear(corridor, at, b)
     _edge_lines(corridor, b)

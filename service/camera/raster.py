@@ -35,6 +35,7 @@ from service.camera.columns import (
     RANGE_STEP_M,
     SHADOW,
     SHEEN,
+    SOLID,
     TOP,
     WET,
     WIDTH,
@@ -45,7 +46,9 @@ from service.camera.columns import (
 RUN = 32  # samples that share a colour
 TONES = 8192  # steps of the table from radiance to signal
 LIT_RUN = 8  # where headlights fall on the ground
+WIDE = 800  # samples across a picture that is large
 BEAM_STRENGTH = 15.0
+FAINT = 2.0  # steps of the table that headlights have to add to count
 BEAM_NEAR_PER_M = 0.075  # nearer than 1 / this a beam gets no brighter: it is aimed ahead
 LEFT, ADDED, INVERSE_DEPTH, BEAM, ROW = 0, 1, 4, 5, 6  # columns of the table of rows
 BYTE, EIGHT, SIXTEEN = np.uint32(0xFF), np.uint32(8), np.uint32(16)
@@ -126,6 +129,20 @@ def _even(polygons: np.ndarray, k: int, camera: np.ndarray, through_air: np.ndar
 
 
 @bare
+def _shone_on(polygons: np.ndarray, k: int, rows: np.ndarray) -> bool:
+    """Whether headlights make a difference to a solid polygon that can be seen."""
+    high, brightest = 0.0, 0.0
+    for i in range(int(polygons[k, COUNT])):
+        at = polygons[k, PLANE] * polygons[k, X + i] + polygons[k, PLANE + 1] * polygons[k, Y + i]
+        high = max(high, at + polygons[k, PLANE + 2])
+    for y in range(int(polygons[k, TOP]), int(polygons[k, BOTTOM])):
+        brightest = max(brightest, rows[y, BEAM])
+    near = min(high, BEAM_NEAR_PER_M)
+    mirror = max(polygons[k, MIRROR], polygons[k, MIRROR + 1], polygons[k, MIRROR + 2])
+    return brightest * near * near * mirror > FAINT
+
+
+@bare
 def draw(polygons: np.ndarray, count: int, camera: np.ndarray, through_air: np.ndarray, tones: np.ndarray,
          rows: np.ndarray, beams: np.ndarray, first: int, last: int, colours: np.ndarray, depths: np.ndarray,
          labels: np.ndarray, left: np.ndarray, right: np.ndarray) -> None:  # fmt: skip
@@ -172,10 +189,13 @@ def draw(polygons: np.ndarray, count: int, camera: np.ndarray, through_air: np.n
         mirror_r, mirror_g, mirror_b = polygons[k, MIRROR], polygons[k, MIRROR + 1], polygons[k, MIRROR + 2]
         label = np.uint16(polygons[k, LABEL])
         dx, dy, at_0 = polygons[k, PLANE], polygons[k, PLANE + 1], polygons[k, PLANE + 2]
-        even = not lit and kind != SHADOW and (kind == GROUND or _even(polygons, k, camera, through_air))
+        shone_on = lit and (kind == GROUND or (kind == SOLID and _shone_on(polygons, k, rows)))
+        even = not shone_on and kind != SHADOW and (kind == GROUND or _even(polygons, k, camera, through_air))
         run = width if even else RUN
-        if lit and kind == GROUND:
-            run = LIT_RUN
+        if shone_on and kind == GROUND:
+            run = LIT_RUN if width < WIDE else 3 * LIT_RUN
+            if k == 0:  # most of the open country is hidden
+                run = RUN
         colour = np.uint32(0)
         fresh = True  # no colour yet
         for y in range(top, bottom):
@@ -213,7 +233,7 @@ def draw(polygons: np.ndarray, count: int, camera: np.ndarray, through_air: np.n
                         fogged = 1.0 - through
                         add_r, add_g, add_b = fogged * fog_r, fogged * fog_g, fogged * fog_b
                     lit_r, lit_g, lit_b = red, green, blue
-                    if lit:
+                    if shone_on:
                         near = min(inverse_depth, BEAM_NEAR_PER_M)
                         beam = rows[y, BEAM] * beams[np.uint64(x)] * near * near
                         lit_r += beam * mirror_r

@@ -73,9 +73,8 @@ def sheet(file: Path, scenario: str, seed: int, station: float, ego_camera: bool
         raise InputError(f"--station {station:g}: the road goes from 0 to {corridor.length_m:.0f} m")
     picture = contact_sheet(loaded, corridor, seed, station, ego_camera)
     try:
-        written = cv2.imwrite(
-            str(file), np.ascontiguousarray(picture[:, :, ::-1]), [cv2.IMWRITE_JPEG_QUALITY, 84]
-        )
+        quality = [cv2.IMWRITE_JPEG_QUALITY, 84] if file.suffix.lower() in (".jpg", ".jpeg") else []
+        written = cv2.imwrite(str(file), np.ascontiguousarray(picture[:, :, ::-1]), quality)
     except cv2.error as error:
         raise InputError(f"{file}: pictures are written as .png or .jpg; give such a file") from error
     if not written:
