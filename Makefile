@@ -4,18 +4,20 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate test check bench calibration faults bench-fleet fuzz drivers schema example-ego format clean
+.PHONY: help estimate test check bench bench-camera calibration faults bench-fleet fuzz drivers ego-vision schema example-ego format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
 	@echo "make test       install everything; format, lint, types, import contracts, tests"
 	@echo "make check      the same without the tests"
 	@echo "make bench      measure the world's speed beside the bare SUMO loop"
+	@echo "make bench-camera  what a picture, the vision network and egos elsewhere cost (minutes)"
 	@echo "make calibration  run every estimator on problems with known answers (an hour or more)"
 	@echo "make faults     kill workers and scheduler many times, play long random fleets (half an hour or more)"
 	@echo "make bench-fleet  what the scheduler costs with 200 workers and over a million rollouts"
 	@echo "make fuzz       100,000 wrong inputs to everything that reads from outside (an hour; goes on where it stopped)"
 	@echo "make drivers DATA=DIR  train the shipped weights again and remake their cards (hours on one core)"
+	@echo "make ego-vision  train the shipped vision ego again, with its card (an hour on one core; needs no data)"
 	@echo "make schema     make the Python code of the egos' messages anew"
 	@echo "make example-ego  build the example ego in Rust and drive with it (minutes; needs cargo)"
 	@echo "make format     put the sources into their form"
@@ -38,6 +40,10 @@ check: $(VENV)/.installed-dev
 
 bench: $(VENV)/.installed
 	$(BIN)/tailroad bench --memory-rollouts 10000
+
+bench-camera: $(VENV)/.installed-dev
+	OMP_NUM_THREADS=1 $(BIN)/python -m tests.bench.camera_speed
+	OMP_NUM_THREADS=1 $(BIN)/python -m tests.bench.ego_placement --ego vision --rollouts 40
 
 faults: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m long tests/service/fleet
@@ -65,6 +71,10 @@ drivers: $(VENV)/.installed-dev
 	$(BIN)/tailroad train thresholds --scenario i80-10s --ego lidar --ego idm --rollouts 100000 --splitting 20000 \
 	  --seed 1 --out build/thresholds --card $(WEIGHTS)/drivers-gail.json
 	$(BIN)/tailroad drivers card --weights $(WEIGHTS)/drivers-gail.safetensors --data $(DATA) --out deploy/cards --seed 1
+
+# It learns in our own world among the drivers, from no recordings; goes on where it was interrupted.
+ego-vision: $(VENV)/.installed-dev
+	OMP_NUM_THREADS=1 $(BIN)/tailroad train ego-vision --out $(WEIGHTS) --seed 1
 
 # The example ego in Rust (needs cargo), and rollouts driven by it: minutes.
 example-ego: $(VENV)/.installed-dev

@@ -7,10 +7,12 @@ from policies.drivers import load_drivers
 from policies.egos.idm import IdmEgo
 from policies.egos.lidar import LidarEgo
 from policies.egos.protocol import EgoPolicy
+from policies.egos.vision import VisionEgo
 
 _MAKERS: dict[str, Callable[[], EgoPolicy]] = {
     "idm": IdmEgo,
     "lidar": lambda: LidarEgo(load_drivers("ego-lidar")),
+    "vision": VisionEgo,
 }
 
 

@@ -8,6 +8,7 @@ instructions the last bits of an action may differ (deploy/decisions/0033-vision
 """
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,8 @@ class VisionEgo:
     name = "vision"
     wants_camera = True
 
-    def __init__(self, weights: Path = WEIGHTS):
+    def __init__(self, weights: Path = WEIGHTS, providers: Sequence[str] = ("CPUExecutionProvider",)):
+        """providers: ONNX Runtime's names of what may run the network, the best first."""
         import onnxruntime  # here because it takes longer to import than the other egos together
 
         if not weights.is_file():
@@ -49,21 +51,46 @@ class VisionEgo:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3
-        self._session = onnxruntime.InferenceSession(
-            str(weights), options, providers=["CPUExecutionProvider"]
-        )
+        self._session = onnxruntime.InferenceSession(str(weights), options, providers=list(providers))
 
     def reset(self, seed: int) -> None:
         pass
 
     def act(self, observation: Observation) -> tuple[float, float]:
-        frame = observation.frame
-        if frame is None or frame.shape != FRAME_SHAPE:
-            given = "none" if frame is None else f"one of shape {frame.shape}"
-            raise ValueError(
-                f"the vision ego needs a picture of shape {FRAME_SHAPE}, not {given}; leave width_px = 200 and "
-                "height_px = 66 in the scenario's [camera]"
-            )
-        inputs = {"frame": frame[None], "beside": beside(observation.vector)[None]}
-        acceleration, turn_rate = self._session.run(None, inputs)[0][0]
-        return float(acceleration), float(turn_rate)
+        action = self.act_batch([(self, observation)])[0]
+        if isinstance(action, ValueError):
+            raise action
+        return action
+
+    @staticmethod
+    def act_batch(
+        pairs: Sequence[tuple["VisionEgo", Observation]],
+    ) -> list[tuple[float, float] | ValueError]:
+        """The actions of egos with the same weights in one run of the network, each as if it were alone.
+
+        In place of an action there is a ValueError where the picture is not one of the right shape.
+        """
+        answers: list[tuple[float, float] | ValueError] = [(0.0, 0.0)] * len(pairs)
+        good: list[int] = []
+        frames: list[np.ndarray] = []
+        for i, (_, observation) in enumerate(pairs):
+            frame = observation.frame
+            if frame is not None and frame.shape == FRAME_SHAPE:
+                good.append(i)
+                frames.append(frame)
+            else:
+                answers[i] = _no_picture(frame)
+        if good:
+            seen = beside(np.stack([pairs[i][1].vector for i in good]))
+            actions = pairs[0][0]._session.run(None, {"frame": np.stack(frames), "beside": seen})[0]
+            for i, (acceleration, turn_rate) in zip(good, actions, strict=True):
+                answers[i] = float(acceleration), float(turn_rate)
+        return answers
+
+
+def _no_picture(frame: np.ndarray | None) -> ValueError:
+    given = "none" if frame is None else f"one of shape {frame.shape}"
+    return ValueError(
+        f"the vision ego needs a picture of shape {FRAME_SHAPE}, not {given}; leave width_px = 200 and "
+        "height_px = 66 in the scenario's [camera]"
+    )

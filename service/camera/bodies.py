@@ -104,7 +104,7 @@ def _wheels(b: Builder, at: list[float], radius_x: float, radius_z: float, half:
     angle = np.arange(8) * (np.pi / 4) + np.pi / 8
     for x in at:
         for s in (1.0, -1.0):
-            for scale, part, out in ((1.0, BLACK, 0.002), (0.58, HUB, 0.004)):
+            for scale, part, out in ((1.0, BLACK, 0.004), (0.58, HUB, 0.006)):
                 ring = [
                     (x + scale * radius_x * np.cos(t), s * (half + out), radius_z * (1.0 + scale * np.sin(t)))
                     for t in angle

@@ -77,7 +77,7 @@ class Answering:
         """The replies to requests that wait now; None where none is due.
 
         An ego class that has `act_batch` is given all observations that wait, of different workers, in one call
-        `act_batch([(ego, observation), ...])` and answers an action for each.
+        `act_batch([(ego, observation), ...])` and answers an action for each, or an exception for one that has none.
         """
         replies: list[pb.Reply | None] = [None] * len(payloads)
         together: list[tuple[int, Any, Seen]] = []
@@ -93,7 +93,7 @@ class Answering:
             except (
                 Exception
             ) as error:  # whatever the policy raises is told to the worker, and the service goes on
-                replies[i] = refusal(f"{type(error).__name__}: {error}")
+                replies[i] = _told(error)
         for (i, _, seen), action in zip(together, self._act(together), strict=True):
             replies[i] = action if isinstance(action, pb.Reply) else reply_to(seen, action)
         return replies
@@ -145,8 +145,8 @@ class Answering:
                 if len(actions) != len(together):
                     raise EgoError(f"act_batch gave {len(actions)} actions for {len(together)} observations")
             except Exception as error:
-                return [refusal(f"{type(error).__name__}: {error}")] * len(together)
-            return actions
+                return [_told(error)] * len(together)
+            return [_told(action) if isinstance(action, Exception) else action for action in actions]
         return [_one(ego, seen) for _, ego, seen in together]
 
 
@@ -154,7 +154,11 @@ def _one(ego: Any, seen: Seen) -> Any:
     try:
         return ego.act(seen)
     except Exception as error:
-        return refusal(f"{type(error).__name__}: {error}")
+        return _told(error)
+
+
+def _told(error: Exception) -> pb.Reply:
+    return refusal(f"{type(error).__name__}: {error}")
 
 
 def reply_to(seen: Seen, action: Any) -> pb.Reply:

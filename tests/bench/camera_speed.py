@@ -2,18 +2,18 @@
 
     python -m tests.bench.camera_speed [--rounds 5] [--json FILE]
 
-Frames of I-80 in the nine weathers of the contact sheet at places along the road, 200 x 66 and 960 x 540 pixels, without
-and with depth and labels; then the network, one picture at a time and in batches. Times are processor time of the
-thread, so that other work on the machine is not counted, though it takes cache and clock; each frame is taken --rounds
-times and the fastest counts. The yardstick, taken in turns with the frames: OpenCV fills the 70 largest polygons of the
-same picture (anti-aliased, at 200 x 66), which is what DESIGN 9 measured at 0.3 ms on its machine. A ratio to it
-holds on any machine.
+Frames of I-80 in the nine weathers of the contact sheet at places along the road, 200 x 66 and 960 x 540 pixels,
+without and with depth and labels; then the network, one picture at a time and in batches. Times are processor time of
+the thread, so that other work on the machine is not counted, though it takes cache and clock; each frame is taken
+--rounds times and the fastest counts. The yardstick, taken in turns with the frames: OpenCV fills the 70 largest
+polygons of the same picture (anti-aliased, at 200 x 66). A ratio to it holds on any machine.
 """
 
 import json
 import platform
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import click
@@ -77,8 +77,8 @@ def frames(scene: Scene, corridor: Corridor, size: tuple[int, int], rounds: int)
         for station in np.linspace(60.0, corridor.length_m - 160.0, PLACES):
             poses = traffic(corridor, float(station))
             camera.render(scene, poses, 0, weather)  # a new weather's tables are made
-            plain.append(fastest(lambda p=poses: camera.render(scene, p, 0, weather, 1, 2), rounds))
-            labelled.append(fastest(lambda p=poses: camera.images(scene, p, 0, weather, 1, 2), rounds))
+            plain.append(fastest(partial(camera.render, scene, poses, 0, weather, 1, 2), rounds))
+            labelled.append(fastest(partial(camera.images, scene, poses, 0, weather, 1, 2), rounds))
             polygons.append(int((camera._polygons[:, C.COUNT] > 0).sum()))
             if size == SIZES[0]:
                 yard.append(fastest(filled(camera, polygons[-1]), rounds))

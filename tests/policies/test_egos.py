@@ -1,4 +1,4 @@
-"""What every ego policy must do, and what the two of them do."""
+"""What every ego policy must do, and what each of them does."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from policies.drivers import load_drivers
 from policies.egos import Observation, ego_names, load_ego
 from policies.egos.idm import DESIRED_SPEED_MPS, IdmEgo
 from policies.egos.lidar import LidarEgo
+from policies.egos.vision import FRAME_SHAPE
 from policies.idm import idm_action
 
 
@@ -35,15 +36,18 @@ def observations(n: int) -> list[np.ndarray]:
     return made
 
 
-@pytest.fixture(params=["idm", "lidar"])
+FRAME = np.random.default_rng(12).integers(0, 256, FRAME_SHAPE, dtype=np.uint8)
+
+
+@pytest.fixture(params=["idm", "lidar", "vision"])
 def ego(request, drivers) -> egos.EgoPolicy:
-    return IdmEgo() if request.param == "idm" else LidarEgo(drivers)
+    return LidarEgo(drivers) if request.param == "lidar" else load_ego(request.param)
 
 
 def test_an_ego_answers_two_finite_numbers(ego):
     ego.reset(0)
     for k, vector in enumerate(observations(50)):
-        acceleration, turn_rate = ego.act(Observation(vector, 0.1 * k))
+        acceleration, turn_rate = ego.act(Observation(vector, 0.1 * k, frame=FRAME))
         assert isinstance(acceleration, float)
         assert isinstance(turn_rate, float)
         assert math.isfinite(acceleration)
@@ -53,7 +57,7 @@ def test_an_ego_answers_two_finite_numbers(ego):
 def test_an_ego_leaves_the_observation_as_it_is(ego):
     for vector in observations(5):
         before = vector.copy()
-        ego.act(Observation(vector, 0.0))
+        ego.act(Observation(vector, 0.0, frame=FRAME))
         assert np.array_equal(vector, before)
 
 
@@ -61,7 +65,7 @@ def test_a_reset_with_the_same_seed_gives_the_same_drive(ego):
     drives = []
     for _ in range(2):
         ego.reset(5)
-        drives.append([ego.act(Observation(vector, 0.1 * k)) for k, vector in enumerate(observations(20))])
+        drives.append([ego.act(Observation(vector, 0.1 * k, frame=FRAME)) for k, vector in enumerate(observations(20))])
     assert drives[0] == drives[1]
 
 
@@ -91,7 +95,7 @@ def test_an_unknown_name_is_refused_with_the_nearest_one():
 
 
 def test_a_name_like_nothing_known_is_refused_with_all_names():
-    with pytest.raises(ValueError, match=r"no ego named 'os\.system'; there are idm, lidar"):
+    with pytest.raises(ValueError, match=r"no ego named 'os\.system'; there are idm, lidar, vision"):
         load_ego("os.system")
 
 

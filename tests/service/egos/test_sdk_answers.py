@@ -77,6 +77,17 @@ def test_all_that_wait_come_in_one_call_where_the_ego_can_do_batches():
     assert sizes == [4]
     assert [r.action.rollout for r in found] == ["a-1", "b-1", "c-1", "d-1"]
 
+    class Blind(Counting):
+        @staticmethod
+        def act_batch(pairs):
+            return [ValueError("no picture"), *[ego.act(seen) for ego, seen in pairs[1:]]]
+
+    answering = Answering(Blind)
+    answering.answer([reset(worker) for worker in "ab"])
+    blind, other = answering.answer([observation(worker) for worker in "ab"])
+    assert blind.refusal.reason == "ValueError: no picture"
+    assert other.action.rollout == "b-1"
+
     class Short(Counting):
         @staticmethod
         def act_batch(pairs):
