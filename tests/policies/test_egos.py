@@ -65,7 +65,9 @@ def test_a_reset_with_the_same_seed_gives_the_same_drive(ego):
     drives = []
     for _ in range(2):
         ego.reset(5)
-        drives.append([ego.act(Observation(vector, 0.1 * k, frame=FRAME)) for k, vector in enumerate(observations(20))])
+        drives.append(
+            [ego.act(Observation(vector, 0.1 * k, frame=FRAME)) for k, vector in enumerate(observations(20))]
+        )
     assert drives[0] == drives[1]
 
 
