@@ -3,18 +3,20 @@
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
+from urllib.parse import quote
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import HTMLResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 
-from service.client import NoAnswer, Refused
+from service.client import Client, NoAnswer, Refused
+from service.dashboard.forms import local_path, sent
 from service.dashboard.guard import Guard
-from service.dashboard.pages import jobs
+from service.dashboard.pages import job, jobs, submit
 from service.dashboard.site import Part, Site
 from service.dashboard.trouble import Trouble, trouble_of
 
@@ -58,6 +60,40 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
     async def jobs_page(request: Request) -> Response:
         return await site.page(request, "jobs.html", [jobs.TABLE])
 
+    async def job_page(request: Request) -> Response:
+        found = await known_job(request)
+        return await site.page(request, "job.html", job.PARTS, found)
+
+    async def known_job(request: Request) -> dict[str, str]:
+        """What the frame of a job's page needs; a job that there is not is told at once."""
+        name = request.path_params["job"]
+        try:
+            found = await job.named(site, name)
+        except NoAnswer:
+            return {"job": name, "title": name}  # its parts come when the service is back
+        return {"job": name, "title": found.label or name}
+
+    async def submit_page(request: Request) -> Response:
+        form = await submit.empty_form(site, await submit.liked(site, request))
+        if request.method != "POST":
+            return await site.page(request, "submit.html", values={"form": form})
+        form = submit.filled(form, await sent(request))
+        made = None
+        if not form.wrong:
+            made, form = await submit.submit(site, form)
+        if made is None:
+            return await site.page(request, "submit.html", values={"form": form}, status=422)
+        return RedirectResponse(f"/jobs/{quote(made.id, safe='')}", 303)
+
+    async def order(request: Request) -> Response:
+        name, what = request.path_params["job"], request.path_params["order"]
+        told = {"cancel": Client.cancel, "pause": Client.pause, "resume": Client.resume}.get(what)
+        if told is None:
+            raise HTTPException(404)
+        back = local_path((await sent(request)).get("back", ""), f"/jobs/{quote(name, safe='')}")
+        await site.link.order(lambda client: told(client, name))
+        return RedirectResponse(back, 303)
+
     async def events(request: Request) -> Response:
         if site.live.full:
             return PlainTextResponse("Too many pages are open.\n", 503)
@@ -82,6 +118,10 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
     routes = [
         Route("/", jobs_page),
         parts("/", jobs.TABLE),
+        Route("/submit", submit_page, methods=["GET", "POST"]),
+        Route("/jobs/{job}", job_page),
+        Route("/jobs/{job}/{order}", order, methods=["POST"]),
+        parts("/jobs/{job}", *job.PARTS),
         Route("/live", events),
         Mount("/static", KeptForGood(packages=[("service.dashboard", "static")])),
     ]

@@ -31,8 +31,8 @@ STATUS_KINDS = ("status",)
 
 @dataclass(frozen=True)
 class Part:
-    """load: what its template parts/NAME.html needs; kinds: of events after which it is drawn again; label: for those
-    who hear the page; every_s: drawn again so often in any case."""
+    """load: what its template parts/NAME.html needs, with again_s where it is not all there yet; kinds: of events after
+    which it is drawn again; label: for those who hear the page; every_s: drawn again so often in any case."""
 
     name: str
     label: str
@@ -70,17 +70,24 @@ class Site:
         except (Refused, NoAnswer) as error:
             trouble = trouble_of(error)
             return trouble.status, self.draw("parts/trouble.html", {"trouble": trouble}), trouble.again_s
-        return 200, self.draw(f"parts/{part.name}.html", values), part.every_s
+        again_s = values.pop("again_s", part.every_s)
+        return 200, self.draw(f"parts/{part.name}.html", values), again_s
 
     async def page(
-        self, request: Request, template: str, parts: Sequence[Part] = (), status: int = 200, **values: Any
+        self,
+        request: Request,
+        template: str,
+        parts: Sequence[Part] = (),
+        values: Mapping[str, Any] | None = None,
+        status: int = 200,
     ) -> Response:
         """A whole page; `part(NAME)` in its template puts one of the parts in its place."""
         tasks = {part.name: asyncio.create_task(self.draw_part(part, request)) for part in parts}
         if tasks:
             await asyncio.wait(tasks.values(), timeout=FIRST_PAINT_S)
         frames = {part.name: self._frame(part, request, tasks[part.name]) for part in parts}
-        values |= {
+        values = {
+            **(values or {}),
             "part": frames.__getitem__,
             "here": self.link.here,
             "reason": self.link.reason,

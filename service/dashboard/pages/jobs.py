@@ -16,6 +16,7 @@ from service.dashboard.site import Part, Site
 
 ROWS = 25  # on a page
 ESTIMATE_S = 2.0  # that the table of a page waits for estimates that are not at hand
+AGAIN_S = 1.0  # and after which those that were late are asked for again
 LONGEST_SEARCH = 200
 
 
@@ -134,6 +135,7 @@ async def table(site: Site, request: Request) -> dict[str, Any]:
         "page": page,
         "pages": pages,
         "asked": asked,
+        "again_s": AGAIN_S if len(estimates) < len(shown) else None,
         "sorts": SORTS,
         "choices": {
             "state": STATUSES,
