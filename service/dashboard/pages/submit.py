@@ -22,7 +22,7 @@ WORDS = {
     "ego": ("Ego", "The driving policy under test."),
     "method": ("Method", "auto chooses by what the first rollouts show; naive draws from P0 itself."),
     "budget": ("Budget", "Rollouts at most, training included."),
-    "rel_error": ("Target precision", "Stop when the interval's relative half-width is this small, as in 0.2; empty: go on."),
+    "rel_error": ("Target precision", "Stop when the interval's relative half-width is this small, as in 0.2."),
     "confidence": ("Confidence", "Of the interval."),
     "seed": ("Seed", "The same seed gives the same bits."),
     "priority": ("Priority", "Of two jobs the one of higher priority goes first."),
