@@ -62,14 +62,17 @@ calibration: $(VENV)/.installed-dev
 
 # Everything in policies/weights, in this order: the ego drives among the drivers, the thresholds are theirs and its.
 # Each step goes on where it was interrupted. DATA: the data pack, or tables of `tailroad data import`.
+# WEIGHTS elsewhere: the ego and the thresholds are then those of the drivers that lie there, not of the shipped ones.
 WEIGHTS ?= policies/weights
+ELSEWHERE = $(filter-out policies/weights,$(WEIGHTS))
 drivers: $(VENV)/.installed-dev
 	@test -n "$(DATA)" || { echo "make drivers needs DATA=DIR: the data pack, or tables of 'tailroad data import'"; exit 2; }
 	OMP_NUM_THREADS=1 $(BIN)/tailroad train drivers-bc --data $(DATA) --out $(WEIGHTS) --seed 1
 	OMP_NUM_THREADS=1 $(BIN)/tailroad train drivers --data $(DATA) --out $(WEIGHTS) --seed 1
-	OMP_NUM_THREADS=1 $(BIN)/tailroad train ego-lidar --data $(DATA) --out $(WEIGHTS) --seed 1
+	OMP_NUM_THREADS=1 $(BIN)/tailroad train ego-lidar --data $(DATA) --out $(WEIGHTS) --seed 1 \
+	  $(if $(ELSEWHERE),--drivers $(WEIGHTS)/drivers-gail.safetensors)
 	$(BIN)/tailroad train thresholds --scenario i80-10s --ego lidar --ego idm --rollouts 100000 --splitting 20000 \
-	  --seed 1 --out build/thresholds --card $(WEIGHTS)/drivers-gail.json
+	  --seed 1 --out build/thresholds --card $(WEIGHTS)/drivers-gail.json $(if $(ELSEWHERE),--weights $(WEIGHTS))
 	$(BIN)/tailroad drivers card --weights $(WEIGHTS)/drivers-gail.safetensors --data $(DATA) --out deploy/cards --seed 1
 
 # It learns in our own world among the drivers, from no recordings; goes on where it was interrupted.

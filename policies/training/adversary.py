@@ -17,7 +17,7 @@ from policies.training.gail import (
     trajectory_loss,
 )
 from policies.training.network import ACTION_SCALE, NEVER_SET, DriverNet, negative_log_likelihood
-from policies.training.torch_world import State, state_of, torch_road
+from policies.training.torch_world import CPU, State, state_of, torch_road
 from policies.training.windows import DRIVEN, Windows
 from policies.training.world import standard_starts
 from service import agents as A
@@ -51,11 +51,13 @@ class Rows:
     sd: np.ndarray
     share: np.ndarray
 
-    def draw(self, n: int, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
-        """n observations and actions with their noise."""
+    def draw(self, n: int, rng: np.random.Generator, device: torch.device = CPU) -> tuple[Tensor, Tensor]:
+        """n observations and actions with their noise, on `device`."""
         pick = np.minimum(np.searchsorted(np.cumsum(self.share), rng.random(n)), len(self.share) - 1)
         action = self.action[pick] + self.sd[pick] * rng.standard_normal((n, 2))
-        return torch.as_tensor(self.seen[pick]), torch.as_tensor(action, dtype=torch.float32)
+        return torch.as_tensor(self.seen[pick]).to(device), torch.as_tensor(action, dtype=torch.float32).to(
+            device
+        )
 
 
 def train_adversarially(
@@ -73,10 +75,12 @@ def train_adversarially(
 ) -> list[dict]:
     """Train `net` in place; returns the learning curve, one record an update.
 
-    recorded: what the discriminator takes for real; anchor: rows of the likelihood. With a checkpoint's path an
+    The training runs on the device that `net` lies on, which has to be that of `sites`. recorded: what the
+    discriminator takes for real; anchor: rows of the likelihood. With a checkpoint's path an
     interrupted training goes on after its last checkpoint (one every `checkpoint_every` updates) to the same weights.
     """
-    discriminator = Discriminator(net.mean, net.scale)
+    device = net.mean.device
+    discriminator = Discriminator(net.mean.cpu(), net.scale.cpu()).to(device)
     generator_steps = torch.optim.Adam(net.parameters(), lr=settings.rate, betas=(0.5, 0.99))
     discriminator_steps = torch.optim.Adam(
         discriminator.parameters(), lr=settings.discriminator_rate, betas=(0.5, 0.99)
@@ -87,11 +91,12 @@ def train_adversarially(
     }  # fmt: skip
     curve: list[dict] = []
     if checkpoint is not None and checkpoint.is_file():
-        stored = torch.load(checkpoint, weights_only=True)
+        stored = torch.load(checkpoint, weights_only=True, map_location=device)
         for name, part in parts.items():
             part.load_state_dict(stored[name])  # type: ignore[attr-defined]
         curve = stored["curve"]
-    tables = torch_road(road)
+    tables = torch_road(road, device=device)
+    scale = torch.as_tensor(ACTION_SCALE, dtype=torch.float32, device=device)
     total = settings.warm_up + settings.updates * len(settings.horizons)
     for update in range(len(curve), total):
         rng = np.random.default_rng([seed, update])
@@ -104,10 +109,10 @@ def train_adversarially(
             site = sites[0]
             starts = site.starts(steps)
         batch = site.batch(starts[rng.integers(len(starts), size=settings.windows)], steps)
-        noise = torch.randn(steps, settings.windows, DRIVEN, 2, generator=draws)
+        noise = torch.randn(steps, settings.windows, DRIVEN, 2, generator=draws).to(device)
         with torch.set_grad_enabled(not warm):
             driven = drive(net, batch.state, batch.road, noise, batch.used, batch.replay)
-        seen, action = recorded.draw(settings.rows, rng)
+        seen, action = recorded.draw(settings.rows, rng, device)
         record: dict = {"update": update, "steps": steps}
         loss, record["told_recorded"], record["told_own"] = discriminator_loss(
             discriminator, driven, seen, action, settings.rows, draws
@@ -117,11 +122,12 @@ def train_adversarially(
         loss.backward()
         discriminator_steps.step()
         if not warm:
-            free = scenario_starts(rng, road, settings.road_starts)
+            free = scenario_starts(rng, road, settings.road_starts, device)
             free_noise = torch.randn(steps, settings.road_starts, free.station.shape[1], 2, generator=draws)
-            on_road = drive(net, free, tables, free_noise, torch.ones(free.station.shape))
-            seen, action = anchor.draw(settings.rows, rng)
-            scaled = action / torch.as_tensor(ACTION_SCALE, dtype=torch.float32)
+            everybody = torch.ones(free.station.shape, device=device)
+            on_road = drive(net, free, tables, free_noise.to(device), everybody)
+            seen, action = anchor.draw(settings.rows, rng, device)
+            scaled = action / scale
             terms = {
                 "reward": reward_loss(discriminator, driven),
                 "trajectory": trajectory_loss(driven, batch),
@@ -151,9 +157,9 @@ def train_adversarially(
     return curve
 
 
-def scenario_starts(rng: np.random.Generator, road: Road, rollouts: int) -> State:
+def scenario_starts(rng: np.random.Generator, road: Road, rollouts: int, device: torch.device = CPU) -> State:
     """Six vehicles from the scenario's starts, in half of the rollouts from wider ones."""
     agents = np.stack([standard_starts(rng, road, wide=bool(i % 2)) for i in range(rollouts)])
     columns = (A.X_M, A.Y_M, A.HEADING_RAD, A.SPEED_MPS, A.LENGTH_M, A.WIDTH_M)
     present = np.ones(agents.shape[:2], dtype=bool)
-    return state_of(agents[..., columns], present, agents[..., A.STATION].astype(np.int64))
+    return state_of(agents[..., columns], present, agents[..., A.STATION].astype(np.int64), device=device)

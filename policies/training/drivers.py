@@ -14,9 +14,11 @@ weights; metrics.
 
 import argparse
 import hashlib
+import inspect
 import json
 import pickle
 import platform
+import re
 import time
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -40,6 +42,7 @@ from policies.training.demonstrations import (
     perturbed_rows,
     recorded_rows,
 )
+from policies.training.device import described, device_of
 from policies.training.ensemble import describe, head_distribution, refit_head, sampling_covariances
 from policies.training.expert import Expert, evidence, fit, mean_action, noise_sd
 from policies.training.network import (
@@ -51,6 +54,7 @@ from policies.training.network import (
     network_features,
     train,
 )
+from policies.training.torch_world import CPU
 from policies.training.world import Network, i80_road
 
 FLAGS = (O.LANE_TO_THE_LEFT, O.LANE_TO_THE_RIGHT, O.INCIDENT)  # a lane keeper needs to know none of them
@@ -79,6 +83,7 @@ class Arguments:
     member_rows: int = 40_000  # rows each resample is drawn from
     check_rollouts: int = 1000  # for the metrics on the whole road
     threads: int = 1
+    device: str = "cpu"  # auto, cpu or cuda (policies.training.device); the shipped weights are a CPU's
 
 
 def main() -> None:
@@ -88,6 +93,7 @@ def main() -> None:
     # Randomness: everything below draws from these.
     torch.manual_seed(arguments.seed)
     torch.set_num_threads(arguments.threads)
+    device = device_of(arguments.device)
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(arguments.seed).spawn(7)]
     rows_rng, visit_rng, train_rng, expert_rng, member_rng, xi_rng, check_rng = streams
 
@@ -103,7 +109,16 @@ def main() -> None:
         net, aggregated = stages.get(
             "trunk",
             lambda: train_trunk(
-                arguments, recorded, perturbed, expert, road, visit_rng, train_rng, progress, unused=FLAGS
+                arguments,
+                recorded,
+                perturbed,
+                expert,
+                road,
+                visit_rng,
+                train_rng,
+                progress,
+                unused=FLAGS,
+                device=device,
             ),
         )
         network = exported(net, aggregated.seen)
@@ -155,6 +170,7 @@ def main() -> None:
         "metrics": measured,
         "limits": LIMITS,
         "versions": versions(),
+        "device": described(device),
         "training_s": round(time.time() - began),
     }
     arrays = {
@@ -214,14 +230,14 @@ def mixture(arguments: Arguments, recorded: Rows, perturbed: Rows, aggregated: R
 
 def train_trunk(
     arguments, recorded, perturbed, expert, road, visit_rng, train_rng, progress, *, unused=(NEVER_SET,), seconds=60.0,
-    every=12,
+    every=12, device=CPU,
 ):  # fmt: skip
     """The network trained on everything, and the aggregated rows: every `every`-th state of rollouts of `seconds`."""
     learn = recorded.where(~recorded.held_out)
     wide = np.concatenate([learn.seen, perturbed.seen])
     settings = {"batch": arguments.batch, "dropout": arguments.dropout, "decay": arguments.decay}
     aggregated = None
-    net = DriverNet(*input_statistics(wide), unused)
+    net = DriverNet(*input_statistics(wide), unused).to(device)
     for turn in range(arguments.rounds + 1):
         seen, action, sd, weight = mixture(arguments, recorded, perturbed, aggregated, expert)
         steps = arguments.first_steps if turn == 0 else arguments.round_steps
@@ -232,11 +248,11 @@ def train_trunk(
             new = visited(driven, road, arguments.rollouts, visit_rng, seconds=seconds, every=every)
             aggregated = new if aggregated is None else joined([aggregated, new])
             if turn == 0:  # inputs of the scenario lie outside the recordings' range: standardise for both
-                net = DriverNet(*input_statistics(np.concatenate([wide, new.seen])), unused)
+                net = DriverNet(*input_statistics(np.concatenate([wide, new.seen])), unused).to(device)
     seen, action, sd, weight = mixture(arguments, recorded, perturbed, aggregated, expert)
     steps = arguments.final_steps
     train(net, seen, action, sd, weight, steps, train_rng, **settings, progress=progress, label="all rows")
-    return net, aggregated
+    return net.cpu(), aggregated
 
 
 def train_members(
@@ -392,21 +408,28 @@ def data_card(arguments, recordings, recorded, perturbed, aggregated) -> dict:
 
 
 class Stages:
-    """Finished stages of an interrupted run, kept beside the output until the run is done."""
+    """Finished stages of an interrupted run, kept beside the output until the run is done.
+
+    With each stage's result the state of torch's generator is kept, which networks are initialised from: a run that
+    goes on draws what it would have drawn.
+    """
 
     def __init__(self, arguments) -> None:
-        key = hashlib.sha256(repr(sorted(public(arguments).items())).encode()).hexdigest()[:12]
+        decisive = {**public(arguments), "device": getattr(arguments, "device", "cpu"), "form": 2}
+        key = hashlib.sha256(repr(sorted(decisive.items())).encode()).hexdigest()[:12]
         self._folder = arguments.out / f".unfinished-{key}"
 
     def get(self, name: str, make):
         path = self._folder / f"{name}.pickle"
         if path.is_file():
             print(f"stage '{name}' was finished before: taken from {path}")
-            return pickle.loads(path.read_bytes())
+            value, drawn = pickle.loads(path.read_bytes())
+            torch.set_rng_state(drawn)
+            return value
         value = make()
         self._folder.mkdir(parents=True, exist_ok=True)
         part = path.with_suffix(".part")
-        part.write_bytes(pickle.dumps(value))
+        part.write_bytes(pickle.dumps((value, torch.get_rng_state())))
         part.replace(path)
         return value
 
@@ -421,9 +444,12 @@ class Stages:
             self._folder.rmdir()
 
 
+MACHINE = ("threads", "device")  # arguments that say where a training runs
+
+
 def public(arguments) -> dict:
-    """The arguments that decide the result: no paths, no thread counts."""
-    return {k: v for k, v in asdict(arguments).items() if not isinstance(v, Path) and k != "threads"}
+    """The arguments that decide the result: no paths, no thread counts, no device."""
+    return {k: v for k, v in asdict(arguments).items() if not isinstance(v, Path) and k not in MACHINE}
 
 
 def command(module: str, arguments) -> str:
@@ -431,7 +457,7 @@ def command(module: str, arguments) -> str:
     words = [f"python -m {module} --data DIR --out DIR --seed {arguments.seed}"]
     for field in fields(arguments):
         value = getattr(arguments, field.name)
-        if field.name not in ("data", "out", "seed", "threads") and value != field.default:
+        if field.name not in ("data", "out", "seed", *MACHINE) and value != field.default:
             words.append(f"--{field.name.replace('_', '-')} {value}")
     return " ".join(words)
 
@@ -449,17 +475,22 @@ def versions() -> dict[str, str]:
 
 
 def parse(kind, description: str):
-    """Command-line arguments as the frozen dataclass `kind`, one option a field."""
+    """Command-line arguments as the frozen dataclass `kind`, one option a field; the comment behind a field explains
+    it."""
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    told = dict(re.findall(r"^    (\w+): .*?# (.*)$", inspect.getsource(kind), re.MULTILINE))
     for field in fields(kind):
         required = field.name in ("data", "out")
+        words = [told.get(field.name, ""), "" if required else f"[{field.default}]"]
         parser.add_argument(
             f"--{field.name.replace('_', '-')}",
             type=Path if required else type(field.default),
             required=required,
             default=None if required else field.default,
+            metavar=field.name.upper(),
+            help=" ".join(filter(None, words)).replace("%", "%%"),
         )
     return kind(**vars(parser.parse_args()))
 

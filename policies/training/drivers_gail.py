@@ -26,6 +26,7 @@ from policies.drivers import save_drivers
 from policies.training import metrics
 from policies.training.adversary import GailSettings, Rows, train_adversarially
 from policies.training.demonstrations import held_out_vehicles
+from policies.training.device import described, device_of
 from policies.training.drivers import (
     Stages,
     command,
@@ -77,6 +78,7 @@ class Arguments:
     spread: str = "whitened"  # estimator of Sigma0 (policies.training.head_spread)
     check_rollouts: int = 400  # for the metrics on the whole road
     threads: int = 1
+    device: str = "cpu"  # auto, cpu or cuda (policies.training.device); the shipped weights are a CPU's
 
 
 def main() -> None:
@@ -86,6 +88,7 @@ def main() -> None:
     # Randomness: everything below draws from these.
     torch.manual_seed(arguments.seed)
     torch.set_num_threads(arguments.threads)
+    device = device_of(arguments.device)
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence([arguments.seed, 4]).spawn(7)]
     rows_rng, visit_rng, train_rng, expert_rng, member_rng, xi_rng, check_rng = streams
 
@@ -97,7 +100,11 @@ def main() -> None:
         found = evidence(recordings.following, scenes, [~held_out_vehicles(scene) for scene in scenes])
         expert = fit(found, ChangingExpert())
         road = i80_road()
-        visits: dict[str, Any] = {"seconds": arguments.visit_seconds, "every": arguments.visit_every}
+        visits: dict[str, Any] = {
+            "seconds": arguments.visit_seconds,
+            "every": arguments.visit_every,
+            "device": device,
+        }
         cloned, aggregated = stages.get(
             "trunk",
             lambda: train_trunk(
@@ -107,7 +114,16 @@ def main() -> None:
         net, curve = stages.get(
             "gail",
             lambda: against(
-                arguments, cloned, recordings, recorded, perturbed, aggregated, expert, stages, progress
+                arguments,
+                cloned,
+                recordings,
+                recorded,
+                perturbed,
+                aggregated,
+                expert,
+                stages,
+                progress,
+                device,
             ),
         )
         network = exported(net, aggregated.seen)
@@ -170,6 +186,7 @@ def main() -> None:
         "metrics": measured,
         "limits": LIMITS,
         "versions": versions(),
+        "device": described(device),
     }
     arrays = {
         "w1": network.w1, "b1": network.b1, "w2": network.w2, "b2": network.b2,
@@ -194,7 +211,7 @@ LIMITS = [
 ]
 
 
-def against(arguments, net, recordings, recorded, perturbed, aggregated, expert, stages, progress):
+def against(arguments, net, recordings, recorded, perturbed, aggregated, expert, stages, progress, device):
     """The adversarially trained network and its learning curve."""
     learn = recorded.where(~recorded.held_out)
     sd = noise_sd(expert, learn.seen)
@@ -203,19 +220,20 @@ def against(arguments, net, recordings, recorded, perturbed, aggregated, expert,
     real = Rows(learn.seen, learn.action.astype(np.float64), sd, even)
     seen, action, sd, weight = mixture(arguments, recorded, perturbed, aggregated, expert)
     anchor = Rows(seen, action, sd, weight / weight.sum())
-    sites = [Windows(scenes) for scenes in recordings.sites.values()]
+    sites = [Windows(scenes, device=device) for scenes in recordings.sites.values()]
     horizons = tuple(int(word) for word in arguments.horizons.split(","))
     settings = GailSettings(horizons=horizons, updates=arguments.updates)
     task = progress.add_task(
         "adversarial training", total=settings.warm_up + len(horizons) * settings.updates
     )
+    net = net.to(device)
     curve = train_adversarially(
         net, sites, real, anchor, i80_road(), settings, arguments.seed,
         checkpoint=stages.path("gail", ".pt"),
         tick=lambda record: progress.update(task, completed=record["update"] + 1),
     )  # fmt: skip
     progress.remove_task(task)
-    return net, curve
+    return net.cpu(), curve
 
 
 def how_they_drive(

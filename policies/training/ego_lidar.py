@@ -25,6 +25,7 @@ from policies.layout import HEAD_SIZE, OUTPUTS
 from policies.training import metrics
 from policies.training.aggregation import visited, visited_among
 from policies.training.demonstrations import AGGREGATED, Rows, held_out_vehicles, joined
+from policies.training.device import described, device_of
 from policies.training.drivers import Stages, command, data_card, parse, public, rows_of, versions
 from policies.training.expert import Expert, evidence, fit, lateral_speed, mean_action
 from policies.training.lane_changes import KeepingExpert
@@ -71,6 +72,7 @@ class Arguments:
     perturbed_share: float = 0.15
     check_rollouts: int = 10_000  # of the final check on the whole road
     threads: int = 1
+    device: str = "cpu"  # auto, cpu or cuda (policies.training.device); the shipped weights are a CPU's
 
 
 def main() -> None:
@@ -80,6 +82,7 @@ def main() -> None:
     # Randomness: everything below draws from these.
     torch.manual_seed(arguments.seed)
     torch.set_num_threads(arguments.threads)
+    device = device_of(arguments.device)
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence([arguments.seed, 2]).spawn(4)]
     rows_rng, visit_rng, train_rng, check_rng = streams
 
@@ -105,7 +108,7 @@ def main() -> None:
         net, aggregated = stages.get(
             "network",
             lambda: train_network(
-                arguments, recorded, perturbed, expert, road, draw, visit_rng, train_rng, progress
+                arguments, recorded, perturbed, expert, road, draw, visit_rng, train_rng, progress, device
             ),
         )
         network = exported(net, aggregated.seen)
@@ -156,6 +159,7 @@ def main() -> None:
             "Twenty beams: a vehicle between two beams is not seen.",
         ],
         "versions": versions(),
+        "device": described(device),
         "training_s": round(time.time() - began),
     }
     arrays = {
@@ -189,7 +193,9 @@ def lane_keeping(rows: Rows) -> Rows:
     return rows.where(np.abs(lateral_speed(rows.seen)) < CHANGING_MPS)
 
 
-def train_network(arguments, recorded, perturbed, expert: Expert, road, draw, visit_rng, train_rng, progress):
+def train_network(
+    arguments, recorded, perturbed, expert: Expert, road, draw, visit_rng, train_rng, progress, device
+):
     """The network trained on everything, and the rows aggregated on the way."""
     learn = lane_keeping(recorded.where(~recorded.held_out))
     wide = np.concatenate([learn.seen, perturbed.seen])
@@ -208,7 +214,7 @@ def train_network(arguments, recorded, perturbed, expert: Expert, road, draw, vi
             [s * urgency(arguments, part, expert) for part, s in zip(parts, shares, strict=False)]
         )
         if net is None:
-            net = DriverNet(*input_statistics(wide))
+            net = DriverNet(*input_statistics(wide)).to(device)
         train(net, seen, action, np.zeros_like(action), weight, steps, train_rng, batch=arguments.batch,
               progress=progress, label=f"round {turn} of {arguments.rounds}", deterministic=True)  # fmt: skip
         if not last:
@@ -217,8 +223,8 @@ def train_network(arguments, recorded, perturbed, expert: Expert, road, draw, vi
             among = visited_among(exploring, draw, road, arguments.among, visit_rng)
             aggregated = joined([part for part in (aggregated, new, among) if part is not None])
             if turn == 0:  # inputs of the scenario lie outside the recordings' range: standardise for both
-                net = DriverNet(*input_statistics(np.concatenate([wide, new.seen])))
-    return net, aggregated
+                net = DriverNet(*input_statistics(np.concatenate([wide, new.seen]))).to(device)
+    return net.cpu(), aggregated
 
 
 if __name__ == "__main__":

@@ -90,7 +90,7 @@ def drive(
     replay: Tensor | None = None,
 ) -> Driven:
     """Drive for len(noise) steps with standard normals `noise` (T, B, C, 2); replay (T + 1, B, N - C, 4) or None."""
-    scale = torch.as_tensor(ACTION_SCALE, dtype=noise.dtype)
+    scale = torch.as_tensor(ACTION_SCALE, dtype=noise.dtype, device=noise.device)
     alive = used.clone()
     kept: list[list[Tensor]] = [[] for _ in range(8)]
     seen, place, hit = observe(state, road)
@@ -128,7 +128,7 @@ def _nearness(state: State, controlled: int) -> Tensor:
     half_length = 0.5 * (state.length[:, None, :] + state.length[:, :controlled, None])
     half_width = 0.5 * (state.width[:, None, :] + state.width[:, :controlled, None])
     gap = torch.maximum((dx * cos + dy * sin).abs() - half_length, (dy * cos - dx * sin).abs() - half_width)
-    own = torch.eye(controlled, state.x.shape[1], dtype=torch.bool)
+    own = torch.eye(controlled, state.x.shape[1], dtype=torch.bool, device=state.x.device)
     gap = gap.masked_fill(own | ~state.present[:, None, :], math.inf)
     return F.relu(NEAR_MISS_M - gap.min(dim=-1).values)
 
@@ -142,7 +142,8 @@ def reward_loss(discriminator: Discriminator, driven: Driven) -> Tensor:
 def trajectory_loss(driven: Driven, batch: Batch, dt_s: float = 0.1) -> Tensor:
     """Mean Huber distance from the recorded motion, in the units of the module's constants."""
     steps = len(driven.station)
-    seconds = dt_s * torch.arange(1, steps + 1, dtype=driven.station.dtype)[:, None, None]
+    count = torch.arange(1, steps + 1, dtype=driven.station.dtype, device=driven.station.device)
+    seconds = dt_s * count[:, None, None]
     along = (driven.station - batch.target[1 : steps + 1, ..., 0]) / (ALONG_M + ALONG_MPS * seconds)
     across = (driven.offset - batch.target[1 : steps + 1, ..., 1]) / ACROSS_M
     faster = (driven.speed - batch.target[1 : steps + 1, ..., 2]) / SPEED_MPS
@@ -167,7 +168,7 @@ def discriminator_loss(
 ) -> tuple[Tensor, float, float]:
     """Cross entropy on recorded pairs (n, 51), (n, 2) and `rows` pairs of the rollout; shares told right of each."""
     alive = torch.nonzero(driven.alive.reshape(-1) > 0)[:, 0]
-    pick = alive[torch.randint(len(alive), (rows,), generator=generator)]
+    pick = alive[torch.randint(len(alive), (rows,), generator=generator).to(alive.device)]
     own = discriminator(
         driven.seen.detach().reshape(-1, O.OBSERVATION_SIZE)[pick],
         driven.action.detach().reshape(-1, 2)[pick],

@@ -1,5 +1,7 @@
 """The driver network in torch, and its regression on rows of observations and actions."""
 
+import copy
+
 import numpy as np
 import torch
 from rich.progress import Progress
@@ -81,12 +83,14 @@ def train(
     """Fit `net` to rows drawn in proportion to `weight`; labels are action_mean plus white noise of action_sd.
 
     seen (n, 51), action_mean and action_sd (n, 2) in m/s^2 and rad/s; steps of AdamW with a cosine rate.
-    `deterministic`: squared error of the mean instead of the likelihood (for an ego). Returns the loss at every 50th
-    step.
+    `deterministic`: squared error of the mean instead of the likelihood (for an ego). The training runs on the device
+    that `net` lies on. Returns the loss at every 50th step.
     """
-    inputs = torch.as_tensor(seen, dtype=torch.float32)
-    labels = torch.as_tensor(action_mean / ACTION_SCALE, dtype=torch.float32)
-    spread = torch.as_tensor(action_sd / ACTION_SCALE, dtype=torch.float32)
+    device = net.mean.device
+    inputs, labels, spread = (
+        torch.as_tensor(table, dtype=torch.float32).to(device)
+        for table in (seen, action_mean / ACTION_SCALE, action_sd / ACTION_SCALE)
+    )
     generator = torch.Generator().manual_seed(int(rng.integers(2**31)))
     optimizer = torch.optim.AdamW(net.parameters(), lr=rate, weight_decay=decay)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps, eta_min=rate * 0.02)
@@ -94,8 +98,11 @@ def train(
     task = progress.add_task(label, total=steps) if progress else None
     losses = []
     for step in range(steps):
-        index = torch.as_tensor(np.minimum(np.searchsorted(share, rng.random(batch)), len(share) - 1))
-        target = labels[index] + spread[index] * torch.randn(batch, 2, generator=generator)
+        index = torch.as_tensor(np.minimum(np.searchsorted(share, rng.random(batch)), len(share) - 1)).to(
+            device
+        )
+        white = torch.randn(batch, 2, generator=generator).to(device)
+        target = labels[index] + spread[index] * white
         outputs = net(inputs[index], dropout)
         if deterministic:
             loss = (outputs[:, :2] - labels[index]).square().sum(dim=1).mean()
@@ -125,6 +132,7 @@ def exported(net: DriverNet, seen: np.ndarray) -> Network:
     `seen` (n, 51) and its head weights multiplied by it, so that a change of 0.01 in any head weight means about the
     same, 0.01 of an action scale. Units that are off (almost) everywhere keep their scale.
     """
+    net = on_cpu(net)
     activity = features_of(net, seen)
     level = np.sqrt(np.mean(np.square(activity, dtype=np.float64), axis=0))
     level = np.where(level > 1e-3, level, 1.0)
@@ -136,6 +144,11 @@ def exported(net: DriverNet, seen: np.ndarray) -> Network:
     head = np.vstack([net.head.weight.double().numpy().T * level[:, None], net.head.bias.double().numpy()])
     single = [np.ascontiguousarray(a, dtype=np.float32) for a in (w1, b1, w2, b2, head.reshape(-1))]
     return Network(single[0], single[1], single[2], single[3], single[4], ACTION_SCALE)
+
+
+def on_cpu(net: DriverNet) -> DriverNet:
+    """The network itself, or a copy where it lies on another device."""
+    return net if net.mean.device.type == "cpu" else copy.deepcopy(net).cpu()
 
 
 @torch.no_grad()

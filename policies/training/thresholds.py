@@ -5,8 +5,10 @@
 The rollouts are those of `tailroad estimate SCENARIO --ego NAME --method naive --seed S`, with the same starts,
 weights and noise, in the same kernels; SUMO, which does not move the vehicles, is left out. Thresholds are order
 statistics of f with the binomial 95% interval; where fewer than MINIMUM_EVENTS rollouts are left below one, multilevel
-splitting (`--splitting` rollouts) gives p at a smaller threshold instead. Written to --out: thresholds-SCENARIO.json;
-with --card, its contents go into that weights card too. An interrupted run continues after its last finished batch.
+splitting (`--splitting` rollouts a try) goes down from there until p at its threshold is surely below the smallest of
+the probabilities, and the thresholds that are still missing are read off its curve. Written to --out:
+thresholds-SCENARIO.json; with --card, its contents go into that weights card too. An interrupted run continues after
+its last finished batch.
 """
 
 import argparse
@@ -22,6 +24,7 @@ from scipy.stats import beta as beta_distribution
 import ce
 from policies.drivers import DriverModel, load_drivers
 from policies.egos import Observation, load_ego
+from policies.egos.lidar import LidarEgo
 from policies.egos.protocol import EgoPolicy
 from service.scenario import load_scenario
 from service.scenario.base import base_distribution, unpack
@@ -33,6 +36,8 @@ from service.sim.world import DriverNetwork, World, action_noise
 
 PROBABILITIES = (1e-2, 1e-3, 1e-4, 1e-5)
 MINIMUM_EVENTS = 8
+FIRST_DEEP, DEEPER, MOST_TRIES = 0.75, 0.9, 5  # splitting's thresholds, of the one before
+CURVE_STEP_S = 5e-4
 
 
 class Rollouts:
@@ -121,14 +126,55 @@ def thresholds_of(f: np.ndarray) -> list[dict]:
     return found
 
 
-def deep(estimate: Any, gammas: np.ndarray) -> list[dict]:
-    """Probabilities at a few thresholds from a rare-event estimate's curve."""
+def deep(estimate: Any, gamma: float) -> dict:
+    """The probability at a small threshold, by splitting."""
+    (p,), (low,), (high,) = (
+        getattr(estimate.curve(np.array([gamma])), name) for name in ("p", "low", "high")
+    )
+    return {
+        "gamma_s": gamma, "p": float(p), "interval_95": [float(low), float(high)], "n": int(estimate.rollouts),
+        "method": str(estimate.method),
+    }  # fmt: skip
+
+
+def off_the_curve(estimate: Any, lowest: float, highest: float, p: float) -> dict | None:
+    """The threshold between `lowest` and `highest` at which an estimate's curve reaches p, and the interval in which
+    its 95% band does; None where the curve does not reach p there. An end of the interval where the band does not
+    cross p is None."""
+    gammas = np.arange(lowest, highest, CURVE_STEP_S)
     curve = estimate.curve(gammas)
-    return [
-        {"gamma_s": round(float(g), 4), "p": float(p), "interval_95": [float(a), float(b)], "n": int(estimate.rollouts),
-         "method": str(estimate.method)}
-        for g, p, a, b in zip(gammas, curve.p, curve.low, curve.high, strict=True)
-    ]  # fmt: skip
+
+    def crossing(values: np.ndarray) -> float | None:
+        over = np.flatnonzero(values >= p)
+        return None if not len(over) or over[0] == 0 else round(float(gammas[over[0]]), 4)
+
+    found = crossing(np.asarray(curve.p))
+    if found is None:
+        return None
+    return {
+        "p": p, "gamma_s": found, "interval_95": [crossing(np.asarray(curve.high)), crossing(np.asarray(curve.low))],
+        "n": int(estimate.rollouts), "method": str(estimate.method),
+    }  # fmt: skip
+
+
+def below(
+    base: Any, highest: float, arguments: argparse.Namespace, rollouts: Rollouts, folder: Path, progress: Progress,
+    name: str, known: list[dict],
+) -> dict[str, list[dict]]:  # fmt: skip
+    """By splitting: p at thresholds below `highest` (s), and with the `known` thresholds those still missing."""
+    gamma, tries = round(FIRST_DEEP * highest, 4), []
+    while True:
+        options = ce.SplittingOptions(budget=arguments.splitting)
+        splitting = ce.algorithm("splitting", base, gamma, options)
+        label = f"{name}, splitting below {gamma:g} s"
+        tail, _ = run(splitting, arguments.seed, rollouts, folder / f"deep-{gamma:g}", progress, label)
+        tries.append(deep(tail, gamma))
+        if tries[-1]["interval_95"][1] < PROBABILITIES[-1] or len(tries) == MOST_TRIES:
+            break
+        gamma = round(DEEPER * gamma, 4)
+    missing = [p for p in PROBABILITIES if p not in {one["p"] for one in known}]
+    read = [off_the_curve(tail, gamma, highest, p) for p in missing]
+    return {"thresholds": known + [one for one in read if one is not None], "deep": tries}
 
 
 def main() -> None:
@@ -144,12 +190,16 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--card", type=Path, help="a weights card that takes the result too")
+    parser.add_argument(
+        "--weights", type=Path, help="folder whose drivers and lidar ego take the place of the shipped ones"
+    )
     arguments = parser.parse_args()
     scenario = load_scenario(arguments.scenario)
-    drivers = load_drivers(scenario.drivers.weights)
+    own = arguments.weights
+    drivers = load_drivers(scenario.drivers.weights if own is None else own / "drivers-gail.safetensors")
     base = base_distribution(scenario, drivers)
     result: dict[str, Any] = {
-        "scenario": scenario.name, "drivers": scenario.drivers.weights, "seed": arguments.seed,
+        "scenario": scenario.name, "drivers": str(drivers.card.get("name", "")), "seed": arguments.seed,
         "command": f"python -m policies.training.thresholds --scenario {arguments.scenario} "
         + " ".join(f"--ego {name}" for name in arguments.ego)
         + f" --rollouts {arguments.rollouts} --splitting {arguments.splitting} --seed {arguments.seed} --out DIR",
@@ -157,8 +207,13 @@ def main() -> None:
     }  # fmt: skip
     with Progress() as progress:
         for name in arguments.ego:
-            rollouts = Rollouts(scenario, drivers, load_ego(name))
-            key = hashlib.sha256(drivers.mu0.tobytes() + name.encode() + _ego_bytes(name)).hexdigest()[:12]
+            weights = load_drivers("ego-lidar" if own is None else own / "ego-lidar.safetensors")
+            ego = LidarEgo(weights) if name == "lidar" else load_ego(name)
+            rollouts = Rollouts(scenario, drivers, ego)
+            decisive = (
+                drivers.mu0.tobytes() + name.encode() + (weights.mu0.tobytes() if name == "lidar" else b"")
+            )
+            key = hashlib.sha256(decisive).hexdigest()[:12]
             folder = (
                 arguments.out
                 / f".unfinished-{scenario.name}-{name}-{arguments.seed}-{arguments.rollouts}-{key}"
@@ -172,12 +227,10 @@ def main() -> None:
                 "rollouts": arguments.rollouts,
             }
             if arguments.splitting:
-                gamma = float(np.sort(estimate.f)[max(round(2e-4 * arguments.rollouts), 5)] * 0.75)
-                options = ce.SplittingOptions(budget=arguments.splitting)
-                splitting = ce.algorithm("splitting", base, gamma, options)
-                label = f"{name}, splitting"
-                tail, _ = run(splitting, arguments.seed, rollouts, folder / "deep", progress, label)
-                found["deep"] = deep(tail, np.array([gamma]))
+                highest = float(np.sort(estimate.f)[max(round(2e-4 * arguments.rollouts), 5)])
+                found |= below(
+                    base, highest, arguments, rollouts, folder, progress, name, found["thresholds"]
+                )
             result["egos"][name] = found
     arguments.out.mkdir(parents=True, exist_ok=True)
     target = arguments.out / f"thresholds-{scenario.name}.json"
@@ -193,10 +246,6 @@ _NAMES = {
     step.RUNNING: "horizon", step.FINISHED: "finished", step.COLLIDED: "collision", step.OFF_ROAD: "off-road",
     step.REVERSED: "reversing",
 }  # fmt: skip
-
-
-def _ego_bytes(name: str) -> bytes:
-    return load_drivers("ego-lidar").mu0.tobytes() if name == "lidar" else b""
 
 
 if __name__ == "__main__":

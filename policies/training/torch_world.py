@@ -31,6 +31,7 @@ from service.sim.projection import (
 from service.sim.road import Road
 
 DT_S = 0.1
+CPU = torch.device("cpu")
 PARALLEL = 1e-12
 REVERSING_SPEED_MPS = -0.1
 
@@ -77,18 +78,23 @@ class Place(NamedTuple):
 
 
 def state_of(
-    values: np.ndarray, present: np.ndarray, station: np.ndarray, dtype: torch.dtype = torch.float32
+    values: np.ndarray,
+    present: np.ndarray,
+    station: np.ndarray,
+    dtype: torch.dtype = torch.float32,
+    device: torch.device = CPU,
 ) -> State:
     """Vehicles (B, N) from values (B, N, 6): x, y, heading, speed, length, width; see State."""
-    x, y, heading, speed, length, width = torch.as_tensor(values, dtype=dtype).unbind(dim=-1)
-    return State(x, y, heading, speed, length, width, torch.as_tensor(present), torch.as_tensor(station))
+    columns = torch.as_tensor(values, dtype=dtype).to(device).unbind(dim=-1)
+    return State(*columns, torch.as_tensor(present).to(device), torch.as_tensor(station).to(device))
 
 
-def torch_road(road: Road, dtype: torch.dtype = torch.float32) -> TorchRoad:
+def torch_road(road: Road, dtype: torch.dtype = torch.float32, device: torch.device = CPU) -> TorchRoad:
     """The tensors of a road."""
-    return TorchRoad(
-        torch.as_tensor(road.reference, dtype=dtype), torch.as_tensor(road.lanes, dtype=dtype), road.spacing_m
+    reference, lanes = (
+        torch.as_tensor(table, dtype=dtype).to(device) for table in (road.reference, road.lanes)
     )
+    return TorchRoad(reference, lanes, road.spacing_m)
 
 
 def locate(state: State, road: TorchRoad) -> Place:
@@ -155,7 +161,7 @@ def _nearest_station(x: Tensor, y: Tensor, station: Tensor, road: TorchRoad) -> 
 
 def lidar(state: State, controlled: int) -> tuple[Tensor, Tensor]:
     """Ranges (m) and range rates (m/s), each (B, C, BEAMS), of the controlled vehicles; see service.sensors.lidar."""
-    angle = torch.arange(O.BEAMS, dtype=state.x.dtype) * (2.0 * math.pi / O.BEAMS)
+    angle = torch.arange(O.BEAMS, dtype=state.x.dtype, device=state.x.device) * (2.0 * math.pi / O.BEAMS)
     beam = torch.stack([torch.cos(angle), torch.sin(angle)])  # (2, BEAMS)
     cos, sin = torch.cos(state.heading), torch.sin(state.heading)
     with torch.no_grad():
@@ -207,7 +213,7 @@ def _hits(state: State, cos: Tensor, sin: Tensor, controlled: int, beam: Tensor)
         px[..., None], py[..., None], cos[:, None, :, None], sin[:, None, :, None],
         cos[:, :controlled, None, None], sin[:, :controlled, None, None], beam, *sizes,
     )  # fmt: skip
-    own = torch.eye(controlled, state.x.shape[1], dtype=torch.bool)
+    own = torch.eye(controlled, state.x.shape[1], dtype=torch.bool, device=state.x.device)
     hidden = own | ~state.present[:, None, :]
     return hit.masked_fill_(hidden[..., None], torch.inf)
 
@@ -226,7 +232,7 @@ def overlaps(state: State, controlled: int) -> Tensor:
     touch &= (dy * ca - dx * sa).abs() <= wa + lb * sine + wb * cosine
     touch &= (dx * cb + dy * sb).abs() <= lb + la * cosine + wa * sine
     touch &= (dy * cb - dx * sb).abs() <= wb + la * sine + wa * cosine
-    own = torch.eye(controlled, state.x.shape[1], dtype=torch.bool)
+    own = torch.eye(controlled, state.x.shape[1], dtype=torch.bool, device=state.x.device)
     return (touch & ~own & state.present[:, None, :]).any(dim=-1)
 
 

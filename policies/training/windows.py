@@ -8,7 +8,7 @@ from torch import Tensor
 
 from policies.data.scenes import Scene
 from policies.training.demonstrations import held_out_vehicles
-from policies.training.torch_world import State, TorchRoad, state_of, torch_road
+from policies.training.torch_world import CPU, State, TorchRoad, state_of, torch_road
 from policies.training.world import scene_road
 
 DRIVEN = 6  # in a window: the network drives neighbours at once, with the same weights
@@ -33,9 +33,9 @@ class Batch:
 class Windows:
     """Windows of the training vehicles of one site's scenes, which share a road."""
 
-    def __init__(self, scenes: list[Scene], held_out: bool = False):
-        self._scenes = scenes
-        self.road = torch_road(scene_road(scenes[0].road))
+    def __init__(self, scenes: list[Scene], held_out: bool = False, device: torch.device = CPU):
+        self._scenes, self._device = scenes, device
+        self.road = torch_road(scene_road(scenes[0].road), device=device)
         self._states = [np.stack([s.x, s.y, s.heading, s.speed], axis=-1) for s in scenes]
         self._remaining = [_remaining(s.present) for s in scenes]
         self._may = [s.usable & (held_out_vehicles(s) == held_out) for s in scenes]
@@ -84,11 +84,12 @@ class Windows:
         now = np.nan_to_num(now)
         used = present[:, :DRIVEN]
         return Batch(
-            state_of(np.concatenate([now, size], axis=-1), present, station),
+            state_of(np.concatenate([now, size], axis=-1), present, station, device=self._device),
             self.road,
-            torch.as_tensor(replay, dtype=torch.float32),
-            torch.as_tensor(target, dtype=torch.float32),
-            torch.as_tensor(used, dtype=torch.float32),
+            *(
+                torch.as_tensor(table, dtype=torch.float32).to(self._device)
+                for table in (replay, target, used)
+            ),
         )
 
 

@@ -30,5 +30,10 @@ def command(what: str, arguments: tuple[str, ...]) -> None:
         raise InputError(
             f"training needs {error.name}; install tailroad with its extra: tailroad[train]"
         ) from error
+    from policies.data.scenes import DataError
+
     sys.argv = [f"tailroad train {what}", *arguments]
-    script.main()
+    try:
+        script.main()
+    except DataError as error:
+        raise InputError(str(error)) from error
