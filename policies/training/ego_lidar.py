@@ -199,7 +199,7 @@ def train_network(
     """The network trained on everything, and the rows aggregated on the way."""
     learn = lane_keeping(recorded.where(~recorded.held_out))
     wide = np.concatenate([learn.seen, perturbed.seen])
-    net, aggregated = None, None
+    net, aggregated = DriverNet(*input_statistics(wide)).to(device), None
     for turn in range(arguments.rounds + 1):
         last = turn == arguments.rounds
         steps = arguments.final_steps if last else (arguments.round_steps if turn else arguments.first_steps)
@@ -213,8 +213,6 @@ def train_network(
         weight = np.concatenate(
             [s * urgency(arguments, part, expert) for part, s in zip(parts, shares, strict=False)]
         )
-        if net is None:
-            net = DriverNet(*input_statistics(wide)).to(device)
         train(net, seen, action, np.zeros_like(action), weight, steps, train_rng, batch=arguments.batch,
               progress=progress, label=f"round {turn} of {arguments.rounds}", deterministic=True)  # fmt: skip
         if not last:

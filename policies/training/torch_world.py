@@ -85,8 +85,9 @@ def state_of(
     device: torch.device = CPU,
 ) -> State:
     """Vehicles (B, N) from values (B, N, 6): x, y, heading, speed, length, width; see State."""
-    columns = torch.as_tensor(values, dtype=dtype).to(device).unbind(dim=-1)
-    return State(*columns, torch.as_tensor(present).to(device), torch.as_tensor(station).to(device))
+    x, y, heading, speed, length, width = torch.as_tensor(values, dtype=dtype).to(device).unbind(dim=-1)
+    there, near = torch.as_tensor(present).to(device), torch.as_tensor(station).to(device)
+    return State(x, y, heading, speed, length, width, there, near)
 
 
 def torch_road(road: Road, dtype: torch.dtype = torch.float32, device: torch.device = CPU) -> TorchRoad:
