@@ -48,13 +48,14 @@ def command(scenario: str, egos: tuple[str, ...], rollouts: int, memory_rollouts
 
 def _print(result: dict) -> None:
     console = Console()
-    speeds = Table("ego", "rollouts/s", "x real time", "us a step", "bare SUMO loop", "ratio",
+    speeds = Table("ego", "rollouts/s", "x real time", "of processor time", "us a step", "bare SUMO loop", "ratio",
                    title=f"{result['scenario']}, one core")  # fmt: skip
     for ego, m in result["egos"].items():
         speeds.add_row(
             ego,
             f"{m['rollouts_per_s']:.0f}",
             f"{m['x_realtime']:.0f} (best {m['x_realtime_best']:.0f})",
+            f"{m['x_realtime_of_processor']:.0f}",
             f"{m['us_per_step']:.1f}",
             f"{m['bare_us_per_step']:.1f} us",
             f"{m['ratio_to_bare']:.2f}",

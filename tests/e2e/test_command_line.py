@@ -152,6 +152,8 @@ def test_bench_measures_the_world_beside_the_bare_sumo_loop(tmp_path: Path) -> N
     assert measured["ratio_to_bare"] > 1.0  # the bare loop is a part of it
     assert measured["x_realtime"] > 0
     assert set(measured["parts_us_per_step"]) == {
-        "sumo", "observation", "policies", "dynamics", "safety", "noise", "rest"
+        "sumo", "observation", "camera", "policies", "dynamics", "safety", "noise", "rest"
     }  # fmt: skip
+    assert measured["parts_us_per_step"]["camera"] == 0.0  # it does not look
+    assert measured["x_realtime_of_processor"] >= 0.9 * measured["x_realtime"]
     assert result["memory"]["after_all_mb"] > 0

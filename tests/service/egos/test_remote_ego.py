@@ -131,6 +131,36 @@ def test_a_late_answer_makes_the_rollout_a_recorded_error(start_service, address
     assert late.error == "EgoError: no answer of ego service 'broken' within its deadline of 2 s"
 
 
+class Looking:
+    """Accelerates by what it sees."""
+
+    name = "looking"
+    wants_camera = True
+
+    def reset(self, seed: int) -> None:
+        pass
+
+    def act(self, observation) -> tuple[float, float]:
+        return float(observation.frame[20:].mean()) / 100.0 - 1.0, 0.0
+
+
+def test_pictures_reach_a_service_raw_to_the_bit_and_as_jpeg_nearly(address, remote, rollouts):
+    here = rollouts(Looking(), 1)
+    assert here[0].error is None
+    for camera in ("raw", "jpeg"):
+        with Service(Looking, "looking", listen=address, camera=camera) as service:
+            thread = threading.Thread(target=service.run)
+            thread.start()
+            ego = remote("looking")
+            there = rollouts(ego, 1)
+        thread.join()
+        assert there[0].error is None
+        if camera == "raw":
+            assert there == here
+        else:
+            assert there[0].f == pytest.approx(here[0].f, rel=0.05)
+
+
 def test_after_a_service_came_back_rollouts_go_on(start_service, address, remote, rollouts):
     code = f"from policies.egos.idm import IdmEgo\nserve(IdmEgo, 'idm', listen={address!r})"
     first = start_service(code)
