@@ -40,6 +40,7 @@ from ce.state import (
     to_bytes,
 )
 from ce.streams import draw
+from ce.white import White
 
 __all__ = [
     "METHODS",
@@ -88,6 +89,7 @@ __all__ = [
     "TruncatedNormal",
     "Uniform",
     "Weibull",
+    "White",
     "algorithm",
     "compare",
     "draw",

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ce.normal import Normal
+from ce.white import White
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -53,7 +54,7 @@ class BoxedMean:
         """The constrained mean (d,) for the unconstrained one, target (d,)."""
         base = self._base
         wanted = (target - base.mean) / self._box
-        if np.all(np.abs(wanted) <= 1.0):
+        if isinstance(base, White) or np.all(np.abs(wanted) <= 1.0):
             return self._clipped(wanted)
         problem, s, linear, scale = self._programme
         linear.value = scale * (self._precision @ wanted)

@@ -56,7 +56,10 @@ def described(base: Product, u: Array, weights: Array, part: Part) -> Array:
         target = np.stack([weights @ log_u, weights @ log_v])
         betas = beta_update.update(own, target, np.minimum(own, 0.2), np.maximum(own, 50.0))
     shift = part.basis @ (part.shares @ part.means)
-    means = [block.mean + block.factor @ shift[start : start + block.dim] for start, block in base.normals]
+    means = [
+        block.mean + block.coloured(shift[None, start : start + block.dim])[0]
+        for start, block in base.normals
+    ]
     others = [marginal.shift + shift[column] for column, marginal in base.marginals]
     return np.concatenate([betas[0], betas[1], *means, others])
 

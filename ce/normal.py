@@ -65,6 +65,14 @@ class Normal:
     def correlator(self) -> Correlator:
         return Correlator(self.factor)
 
+    def coloured(self, u: Array) -> Array:
+        """u L^T, (n, d), of standard normal u (n, d)."""
+        return u @ self.factor.T
+
+    def whitened(self, centred: Array) -> Array:
+        """The inverse of `coloured`, of x - mean (n, d)."""
+        return solve_triangular(self.factor, centred.T, lower=True).T
+
     @functools.cached_property
     def precision_mean(self) -> Array:
         """theta = Sigma^{-1} mu, (d,)."""

@@ -8,7 +8,6 @@ products here leave their rounding to BLAS: x made here travels with its batch.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 from scipy.special import betainc, betaincc, betainccinv, betaincinv, ndtr, ndtri
 
 from ce.product import Product
@@ -29,7 +28,7 @@ def from_standard(base: Product, u: Array) -> Array:
             unit[where] = inverse(b.alpha[which], b.beta[which], tail[where])
         x[:, columns] = np.clip(b.low + b.width * unit, b.low, b.high)
     for start, block in base.normals:
-        x[:, start : start + block.dim] = block.mean + u[:, start : start + block.dim] @ block.factor.T
+        x[:, start : start + block.dim] = block.mean + block.coloured(u[:, start : start + block.dim])
     for column, marginal in base.marginals:
         x[:, column] = marginal.from_standard(u[:, column] + marginal.shift)
     return x
@@ -46,7 +45,7 @@ def to_standard(base: Product, x: Array) -> Array:
         u[:, columns] = np.where(below < above, ndtri(below), -ndtri(above))
     for start, block in base.normals:
         part = x[:, start : start + block.dim]
-        u[:, start : start + block.dim] = solve_triangular(block.factor, (part - block.mean).T, lower=True).T
+        u[:, start : start + block.dim] = block.whitened(part - block.mean)
     for column, marginal in base.marginals:
         u[:, column] = marginal.to_standard(x[:, column]) - marginal.shift
     return u

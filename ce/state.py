@@ -18,6 +18,7 @@ from ce.gaussian_mixture import Mixture, Part
 from ce.look import Look
 from ce.normal import Normal
 from ce.product import Product
+from ce.white import White
 
 FORMAT = 2
 
@@ -256,6 +257,8 @@ def digest_of(base: Product, *rest: Any) -> str:
     for b in base.blocks:
         if isinstance(b, Beta):
             described.append(["beta", b.alpha, b.beta, b.low, b.high])
+        elif isinstance(b, White):
+            described.append(["white", b.mean])
         elif isinstance(b, Normal):
             described.append(["normal", b.mean, b.cov])
         else:

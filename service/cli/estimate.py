@@ -21,6 +21,7 @@ from service.cli.options import (
     finite,
     json_option,
     measure_option,
+    noise_option,
     seed_option,
     workers_option,
 )
@@ -34,6 +35,7 @@ from service.risk import Risk, risk_of
 from service.safety.measure import with_measure
 from service.scenario import load_scenario
 from service.scenario.check import check_road
+from service.scenario.noise import Noise, with_noise
 from service.store import Chunk, RunDirectory
 from service.summary import Cost, comparisons, json_ready, summary_of
 
@@ -50,6 +52,7 @@ NOT_PRECISE = 3
     help="The event is f <= GAMMA, in the measure's unit; required for a new run.",
 )
 @measure_option()
+@noise_option()
 @click.option("--method", "methods", multiple=True, type=click.Choice(ce.METHODS), help="Once for each method wanted; "
               "several are compared.  [default: ce]")  # fmt: skip
 @click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True,
@@ -88,6 +91,7 @@ def command(
     ego: str,
     gamma: float | None,
     measure: str | None,
+    noise: Noise | None,
     methods: tuple[str, ...],
     budget: int,
     rel_error: float | None,
@@ -133,6 +137,7 @@ def command(
         loaded = load_scenario(name)
         if measure is not None:
             loaded = with_measure(loaded, measure)
+        loaded = with_noise(loaded, noise, name)
         corridor = check_road(loaded, name)
         jobs = []
         for method in dict.fromkeys(methods or ("ce",)):

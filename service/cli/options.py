@@ -30,6 +30,15 @@ def measure_option() -> Callable:
     )
 
 
+def noise_option() -> Callable:
+    return click.option(
+        "--noise",
+        type=click.Choice(("drawn", "frozen", "searched")),
+        help="The drivers' action noise, in place of the scenario's: a stream for each rollout, one for all, or a part "
+        "of X that the method may move (for splitting).",
+    )
+
+
 def json_option() -> Callable:
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
 

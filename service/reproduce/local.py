@@ -16,6 +16,7 @@ from service.reproduce.plans import Plan, Run, Truth
 from service.reproduce.results import Result, result_of
 from service.reproduce.truth import GroundTruth
 from service.scenario import load_scenario
+from service.scenario.noise import with_noise
 from service.store import Chunk, RunDirectory
 
 RESULT = "reproduced.json"  # in a run's directory, once it is finished
@@ -50,7 +51,8 @@ def truth_path(truth: Truth, folder: Path) -> Path:
 
 
 def run_as_job(run: Run) -> Job:
-    return make_job(load_scenario(run.scenario), run.ego, run.gamma, run.method, run.seed, run.options)
+    scenario = with_noise(load_scenario(run.scenario), run.noise)
+    return make_job(scenario, run.ego, run.gamma, run.method, run.seed, run.options)
 
 
 def carry_out(plan: Plan, out: Path, truths: Path, workers: int, sumo: bool, watch: Watch) -> Outcome:

@@ -30,6 +30,18 @@ class Size:
     budget: int
 
 
+@dataclass(frozen=True)
+class Ours:
+    """Our own estimators. truth: rollouts of the ground truth; gammas: the thresholds aimed at; series: those that are
+    run, `seeds` times each, with `budget` rollouts."""
+
+    truth: int
+    gammas: tuple[float, ...]
+    series: tuple[str, ...]
+    seeds: int
+    budget: int
+
+
 PAPER_RHOS = (0.01, 0.05, 0.1, 0.2)
 # Table 1 and Figure 2, the lidar ego: the paper has K = 100, N_k = 5,000, 10^5 evaluation rollouts, and 1.3 * 10^6
 # naive ones.
@@ -43,4 +55,11 @@ VISION = {
     "smoke": Size(100, Search(2, 50, 900), (0.1,), 1, 0),
     "small": Size(2000, Search(4, 250, 1000), (0.01,), 1, 0),
     "paper": Size(50_000, Search(20, 1000, 50_000), (0.01,), 1, 0),
+}
+# Our estimators, where p is about 1e-4, 1e-5 and 1e-6.
+ALL_SERIES = ("splitting, noise searched", "splitting", "auto", "mixture")
+BEYOND = {
+    "smoke": Ours(400, (0.5,), ("splitting, noise searched", "splitting"), 2, 1000),
+    "small": Ours(100_000, (0.38, 0.32), ("splitting, noise searched", "splitting"), 6, 5000),
+    "paper": Ours(1_000_000, (0.38, 0.32, 0.28), ALL_SERIES, 20, 50_000),
 }

@@ -31,7 +31,8 @@ class Start:
 def base_distribution(scenario: Scenario, drivers: DriverModel) -> ce.Product:
     """P0 of X = (S, T, W, V of each vehicle, xi): dimension 4 vehicles + 404 (paper, section 4).
 
-    A scenario with weather has its five coordinates before xi.
+    A scenario with weather has its five coordinates before xi; one with noise = "searched" has the action noise after
+    it, standard normals (steps, vehicles, 2).
     """
     blocks: list[Marginal | ce.Normal] = []
     names: list[str] = []
@@ -45,6 +46,14 @@ def base_distribution(scenario: Scenario, drivers: DriverModel) -> ce.Product:
             names.append(f"weather.{key}")
     blocks.append(ce.Normal(drivers.mu0, drivers.sigma0))
     names += [f"xi[{i}]" for i in range(HEAD_SIZE)]
+    if scenario.drivers.noise == "searched":
+        blocks.append(ce.White(scenario.noise_values))
+        names += [
+            f"{vehicle.name}.{action}_noise[{k}]"
+            for k in range(scenario.steps)
+            for vehicle in scenario.vehicles
+            for action in ("acceleration", "turn_rate")
+        ]
     return ce.Product(blocks, names)
 
 
@@ -73,7 +82,14 @@ def unpack(scenario: Scenario, x: np.ndarray) -> tuple[list[Start], np.ndarray]:
                 width_m=scenario.of(vehicle, "width_m"),
             )
         )
-    return starts, x[_before_weights(scenario) :]
+    first = _before_weights(scenario)
+    return starts, x[first : first + HEAD_SIZE]
+
+
+def searched_noise(scenario: Scenario, x: np.ndarray) -> np.ndarray:
+    """The action noise (steps, vehicles, 2) that a draw x (d,) of a scenario with noise = "searched" holds."""
+    noise = x[_before_weights(scenario) + HEAD_SIZE :]
+    return np.ascontiguousarray(noise, dtype=np.float64).reshape(scenario.steps, len(scenario.vehicles), 2)
 
 
 def weather_values(scenario: Scenario, x: np.ndarray) -> dict[str, float]:

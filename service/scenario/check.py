@@ -24,6 +24,7 @@ from sumo_nets.errors import EdgesError, NetworkError
 
 MAX_VEHICLES = 64
 MAX_STEPS = 100_000
+MAX_SEARCHED = 20_000  # standard normals of action noise that a search may have to move
 MAX_SPEED_MPS = 70.0
 DISTRIBUTIONS = ("station_m", "lane_offset_m", "heading_deg", "speed_mps")
 # the widest values that make sense, and what a value beyond them usually is
@@ -98,6 +99,7 @@ def check_values(scenario: Scenario, source: str) -> None:
             )
         if not 0.0 < background.speed_mps <= MAX_SPEED_MPS:
             refuse("background.speed_mps", background.speed_mps, f"give above 0 up to {MAX_SPEED_MPS:g} m/s")
+    _check_noise(scenario, refuse)
     check_camera(scenario, refuse)
     for key in () if scenario.weather is None else RandomWeather.__struct_fields__:
         _check_distribution(getattr(scenario.weather, key), key, f"weather.{key}", refuse)
@@ -170,6 +172,16 @@ def _check_distribution(dist: Distribution, kind: str, key: str, refuse) -> None
         for end in ("low", "high"):
             if not low <= getattr(dist, end) <= high:
                 refuse(f"{key}.{end}", getattr(dist, end), remedy)
+
+
+def _check_noise(scenario: Scenario, refuse) -> None:
+    if scenario.drivers.noise == "searched" and scenario.noise_values > MAX_SEARCHED:
+        refuse(
+            "drivers.noise",
+            "searched",
+            f"its {scenario.noise_values} values are more than the {MAX_SEARCHED} a search takes; shorten the horizon, "
+            "or leave the noise drawn",
+        )
 
 
 def _check_fixed(scenario: Scenario, fixed: Fixed, refuse) -> None:

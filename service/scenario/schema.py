@@ -51,7 +51,8 @@ class Time(_Table, frozen=True):
 
 class Drivers(_Table, frozen=True):
     weights: str = "drivers-gail"  # built-in weights, or the path of a .safetensors file
-    noise: Literal["drawn", "frozen"] = "drawn"  # a stream for each rollout, or one stream for all
+    # of the drivers' actions: a stream for each rollout, one stream for all, or a part of X that searches can move
+    noise: Literal["drawn", "frozen", "searched"] = "drawn"
 
 
 class Rss(_Table, frozen=True):
@@ -164,6 +165,11 @@ class Scenario(_Table, frozen=True):
     camera: CameraSpec = CameraSpec()
     weather: RandomWeather | None = None  # without it: a clear afternoon
     fixed: Fixed | None = None
+
+    @property
+    def noise_values(self) -> int:
+        """Standard normals in the action noise of a rollout: acceleration and turn rate, each step, each vehicle."""
+        return self.steps * len(self.vehicles) * 2
 
     @property
     def steps(self) -> int:

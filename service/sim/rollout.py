@@ -13,7 +13,7 @@ from policies.drivers import DriverModel
 from policies.egos import EgoPolicy, Observation
 from service.errors import EgoError
 from service.safety.measure import open_monitor
-from service.scenario.base import unpack
+from service.scenario.base import searched_noise, unpack
 from service.scenario.schema import Scenario
 from service.sim import step
 from service.sim.road import road_of
@@ -42,13 +42,21 @@ class Rollout:
     error: str | None = None
 
 
-def noise_of(scenario: Scenario, noise: int | np.ndarray, vehicles: int) -> tuple[int, np.ndarray]:
-    """The rollout's seed and its action noise (steps, vehicles, 2), from a seed or given as it is (seed 0)."""
+def noise_of(
+    scenario: Scenario, x: np.ndarray, noise: int | np.ndarray, vehicles: int
+) -> tuple[int, np.ndarray]:
+    """The rollout's seed and its action noise (steps, vehicles, 2): from the seed, from x where the scenario's is
+    searched, or given as it is (seed 0)."""
     given = isinstance(noise, np.ndarray)
     seed = 0 if given else int(noise)
     if scenario.drivers.noise == "frozen" and not given:
         seed = FROZEN_NOISE_SEED
-    normals = noise if isinstance(noise, np.ndarray) else action_noise(seed, scenario.steps, vehicles)
+    if isinstance(noise, np.ndarray):
+        normals = noise
+    elif scenario.drivers.noise == "searched":
+        normals = searched_noise(scenario, x)
+    else:
+        normals = action_noise(seed, scenario.steps, vehicles)
     shape = (scenario.steps, vehicles, 2)
     if normals.shape != shape or normals.dtype != np.float64:
         raise ValueError(
@@ -169,7 +177,7 @@ class Simulator:
 
     def _run(self, x: np.ndarray, noise: int | np.ndarray, observer: Observer | None) -> Rollout:
         world, ego, sumo, monitor = self._world, self._ego, self._sumo, self._monitor
-        seed, normals = noise_of(self._scenario, noise, world.vehicles)
+        seed, normals = noise_of(self._scenario, x, noise, world.vehicles)
 
         starts, driver_weights = unpack(self._scenario, x)
         world.reset(starts, driver_weights)

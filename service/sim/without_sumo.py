@@ -136,7 +136,7 @@ class WithoutSumo:
     def run(self, x: np.ndarray, noise: int | np.ndarray) -> Rollout:
         """The rollout of `x` (d,), with the same bits as `Simulator.run`."""
         world, net = self._world, self._network
-        _, normals = noise_of(self._scenario, noise, world.vehicles)
+        _, normals = noise_of(self._scenario, x, noise, world.vehicles)
         world.reset(*unpack(self._scenario, x))
         f, status, k = drive(
             world.agents, world.vehicles, world.ego, *self._ego, net.w1, net.b1, net.w2, net.b2, world.head,

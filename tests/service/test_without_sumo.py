@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import ce
-from service.errors import InputError, SimulationError
+from service.errors import InputError, ScenarioError, SimulationError
 from service.job import Problem, make_job, without_sumo
 from service.safety.measure import with_measure
 from service.scenario import load_scenario
+from service.scenario.noise import with_noise
 from service.sim import audited
 from service.sim.audited import Audited
 from service.sim.without_sumo import WithoutSumo
@@ -75,3 +76,29 @@ def test_a_share_of_the_rollouts_is_compared_and_a_difference_ends_the_run(make_
         world.run(x[0], 7)
         with pytest.raises(SimulationError, match="same to the bit"):
             world.run(x[0], audited.EVERY)
+
+
+def test_searched_noise_is_a_part_of_x_and_the_same_in_both_worlds(make_scenario):
+    """The vector's noise drives the rollout, whatever the seed; a search can move it."""
+    drawn = make_scenario({"horizon_s = 10.0": "horizon_s = 2.0"})
+    searched = with_noise(drawn, "searched")
+    problem, alone = opened(searched, "idm")
+    base = problem.base
+    assert base.dim == 24 + 404 + 20 * 6 * 2
+    assert base.names is not None
+    assert base.names[-1] == "env6.turn_rate_noise[19]"
+    x, noise = ce.draw(base, 3, "estimate", 0, 0, 3)
+    _, ordinary = opened(drawn, "idm")
+    with problem.simulator() as simulator:
+        for row, seed in zip(x, noise, strict=True):
+            one = alone.run(row, int(seed))
+            assert one == simulator.run(row, int(seed)) == alone.run(row, int(seed) + 1)
+            assert one == ordinary.run(row[:428], row[428:].reshape(20, 6, 2).copy())
+        moved = x[0].copy()
+        moved[428:] *= -1.0
+        assert alone.run(moved, 1).f != alone.run(x[0], 1).f
+
+
+def test_too_much_noise_to_search_is_refused():
+    with pytest.raises(ScenarioError, match="a search takes"):
+        with_noise(load_scenario("i80"), "searched")
