@@ -4,20 +4,22 @@ import time
 from pathlib import Path
 
 import click
+from rich.progress import Progress, TaskID
 
 from service.cli.main import INTERRUPTED
 from service.cli.options import core_count, seed_option, workers_option
 from service.cli.progress import progress_bar, stderr
 from service.reproduce.local import Watch, carry_out
-from service.reproduce.page import write_page
-from service.reproduce.plans import EXPERIMENTS, plan_of
+from service.reproduce.page import Page, page_of, write_page
+from service.reproduce.plans import PLANS, Plan, plan_of
+from service.reproduce.scale_page import scale_page
 from service.reproduce.sizes import SCALES
 
 TOLD_EVERY_S = 60.0  # where standard error is no terminal
 
 
 @click.command()
-@click.argument("name", type=click.Choice(EXPERIMENTS))
+@click.argument("name", type=click.Choice((*PLANS, "scale")))
 @click.option("--scale", type=click.Choice(SCALES), default="small", show_default=True,
               help="smoke: seconds; small: an hour or so; paper: the sizes of the paper.")  # fmt: skip
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("runs/reproduce"),
@@ -44,36 +46,36 @@ def command(
 
     What is finished is not run again: after Ctrl-C, a crash or a kill the same command goes on.
     """
-    plan = plan_of(name, scale, seed)
-    pages = pages or out / "pages"
+    workers = workers or core_count()
+    said = _said(name, scale, sumo, seed)
     ctx = click.get_current_context()
     try:
-        with progress_bar() as bar:
-            task = bar.add_task(plan.name, total=plan.rollouts, note="")
-            outcome = carry_out(
-                plan,
-                out,
-                truths or out / "truths",
-                workers or core_count(),
-                sumo,
-                _watch(bar, task, plan.rollouts),
+        if name in PLANS:
+            page = _carried_out(
+                plan_of(name, scale, seed), out, truths or out / "truths", workers, sumo, said
             )
+        else:
+            page = scale_page(scale, workers, said, lambda what: stderr.print(what))
     except KeyboardInterrupt:
         stderr.print("\nInterrupted; what was run is kept. The same command goes on.")
         ctx.exit(INTERRUPTED)
-    click.echo(f"Page: {write_page(outcome, pages, _said(name, scale, sumo, seed))}")
+    click.echo(f"Page: {write_page(page, pages or out / 'pages')}")
+
+
+def _carried_out(plan: Plan, out: Path, truths: Path, workers: int, sumo: bool, said: str) -> Page:
+    with progress_bar() as bar:
+        task = bar.add_task(plan.name, total=plan.rollouts, note="")
+        watch = _watch(bar, task, plan.rollouts)
+        return page_of(carry_out(plan, out, truths, workers, sumo, watch), said)
 
 
 def _said(name: str, scale: str, sumo: bool, seed: int) -> str:
     """The command that anyone can run for the same page."""
-    return (
-        f"tailroad reproduce {name} --scale {scale}"
-        + (" --sumo" if sumo else "")
-        + (f" --seed {seed}" if seed != 1 else "")
-    )
+    more = (" --sumo" if sumo else "") + (f" --seed {seed}" if seed != 1 else "")
+    return f"tailroad reproduce {name} --scale {scale}{more}"
 
 
-def _watch(bar, task, total: int) -> Watch:
+def _watch(bar: Progress, task: TaskID, total: int) -> Watch:
     done = 0
     told = time.monotonic()
     began = told

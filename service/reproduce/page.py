@@ -1,11 +1,13 @@
-"""The page of an experiment: Markdown, pictures and the results as JSON. Every number comes from the results."""
+"""Pages: Markdown, pictures and the results as JSON. Every number comes from the results."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import msgspec
 
+from service.report.ink import Picture
 from service.reproduce.local import Outcome
 from service.reproduce.pictures import pictures_of, write_picture
 from service.reproduce.tables import Table, tables_of
@@ -15,24 +17,57 @@ from service.wording import count, duration
 SOFTWARE = ("tailroad", "libsumo", "numpy", "scipy", "numba")
 
 
-def write_page(outcome: Outcome, folder: Path, command: str) -> Path:
-    """Write NAME-SCALE.md, its pictures and its JSON into `folder`; returns the page's path."""
-    name = f"{outcome.plan.name}-{outcome.plan.scale}"
-    beside = folder / name
+class Page(NamedTuple):
+    """name: of its file, and of the folder beside it with the pictures (by file name) and the results."""
+
+    name: str
+    title: str
+    introduction: Sequence[str]  # paragraphs
+    tables: Sequence[Table]
+    pictures: Sequence[tuple[str, Picture]]
+    results: Any  # written as results.json
+
+
+def write_page(page: Page, folder: Path) -> Path:
+    """Write NAME.md, and NAME/ with its pictures and results; returns the page's path."""
+    beside = folder / page.name
     beside.mkdir(parents=True, exist_ok=True)
-    lines = [f"# {outcome.plan.title} ({outcome.plan.scale})", "", *_introduction(outcome, command), ""]
-    for table in tables_of(outcome):
-        lines += [f"## {table.title}", "", *markdown(table), "", table.note, ""]
-    for file, picture in pictures_of(outcome):
+    lines = [f"# {page.title}", ""]
+    for paragraph in page.introduction:
+        lines += [paragraph, ""]
+    for table in page.tables:
+        lines += [f"## {table.title}", "", *markdown(table), "", *([table.note, ""] if table.note else [])]
+    for file, picture in page.pictures:
         write_picture(beside / file, picture)
-        lines += [f"![{picture.alt}]({name}/{file})", "", f"*{picture.title}. {picture.caption}*", ""]
-    path = folder / f"{name}.md"
+        lines += [f"![{picture.alt}]({page.name}/{file})", "", f"*{picture.title}. {picture.caption}*", ""]
+    path = folder / f"{page.name}.md"
     path.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
     (beside / "results.json").write_bytes(
-        msgspec.json.format(msgspec.json.encode({"plan": outcome.plan, "results": outcome.results}), indent=1)
-        + b"\n"
+        msgspec.json.format(msgspec.json.encode(page.results), indent=1) + b"\n"
     )
     return path
+
+
+def made_by(command: str) -> str:
+    """The sentence that every page begins with."""
+    return f"Made by `{command}`, numbers and pictures alike. Interrupted, the same command goes on."
+
+
+def made_with() -> str:
+    """The software's versions."""
+    return ", ".join(f"{name} {version(name)}" for name in SOFTWARE)
+
+
+def page_of(outcome: Outcome, command: str) -> Page:
+    """The page of a plan that was carried out."""
+    return Page(
+        f"{outcome.plan.name}-{outcome.plan.scale}",
+        f"{outcome.plan.title} ({outcome.plan.scale})",
+        _introduction(outcome, command),
+        tables_of(outcome),
+        pictures_of(outcome),
+        {"plan": outcome.plan, "results": outcome.results},
+    )
 
 
 def markdown(table: Table) -> Iterable[str]:
@@ -51,11 +86,9 @@ def _introduction(outcome: Outcome, command: str) -> list[str]:
         if outcome.sumo
         else f"without SUMO, one in {EVERY} of them in SUMO too, with the same bits"
     )
-    software = ", ".join(f"{name} {version(name)}" for name in SOFTWARE)
     return [
-        f"Made by `{command}`, numbers and pictures alike. Interrupted, the same command goes on.",
-        "",
+        made_by(command),
         f"Scenario `{plan.truth.scenario}`, ego `{plan.truth.ego}`, f the smallest time to collision. "
         f"{count(rollouts)} rollouts, {duration(worker_s)} of workers' time, {world}. Ground truth: naive Monte Carlo, "
-        f"seed {plan.truth.seed}, {count(outcome.truth.rollouts)} rollouts. Intervals are 95%. {software}.",
+        f"seed {plan.truth.seed}, {count(outcome.truth.rollouts)} rollouts. Intervals are 95%. {made_with()}.",
     ]

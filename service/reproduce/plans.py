@@ -174,4 +174,4 @@ def _searches(
 
 
 _MAKERS = {"table1": _table1, "fig2": _fig2, "beyond": _beyond}
-EXPERIMENTS = tuple(_MAKERS)
+PLANS = tuple(_MAKERS)
