@@ -1,6 +1,7 @@
 """`tailroad reproduce`: the paper's experiments, run again."""
 
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 import click
@@ -9,12 +10,14 @@ from rich.progress import Progress, TaskID
 from service.cli.main import INTERRUPTED
 from service.cli.options import core_count, seed_option, workers_option
 from service.cli.progress import progress_bar, stderr
+from service.reproduce.black_box import black_box
 from service.reproduce.local import Watch, carry_out
-from service.reproduce.page import Page, page_of, write_page
-from service.reproduce.plans import PLANS, Plan, plan_of
+from service.reproduce.page import Page, page_of, page_of_several, write_page
+from service.reproduce.plans import BLACK_BOX, PLANS, Plan, plans_of
 from service.reproduce.scale_page import scale_page
 from service.reproduce.sizes import SCALES
 
+WORLDS_TITLE = "Other worlds: another road, another's ego, a black box"
 TOLD_EVERY_S = 60.0  # where standard error is no terminal
 
 
@@ -51,9 +54,8 @@ def command(
     ctx = click.get_current_context()
     try:
         if name in PLANS:
-            page = _carried_out(
-                plan_of(name, scale, seed), out, truths or out / "truths", workers, sumo, said
-            )
+            plans = plans_of(name, scale, seed)
+            page = _carried_out(plans, out, truths or out / "truths", workers, sumo, said)
         else:
             page = scale_page(scale, workers, said, lambda what: stderr.print(what))
     except KeyboardInterrupt:
@@ -62,11 +64,15 @@ def command(
     click.echo(f"Page: {write_page(page, pages or out / 'pages')}")
 
 
-def _carried_out(plan: Plan, out: Path, truths: Path, workers: int, sumo: bool, said: str) -> Page:
-    with progress_bar() as bar:
-        task = bar.add_task(plan.name, total=plan.rollouts, note="")
-        watch = _watch(bar, task, plan.rollouts)
-        return page_of(carry_out(plan, out, truths, workers, sumo, watch), said)
+def _carried_out(
+    plans: tuple[Plan, ...], out: Path, truths: Path, workers: int, sumo: bool, said: str
+) -> Page:
+    total = sum(plan.rollouts for plan in plans)
+    serving = any(plan.truth.ego == f"zenoh:{BLACK_BOX}" for plan in plans)
+    with progress_bar() as bar, black_box(BLACK_BOX) if serving else nullcontext():
+        watch = _watch(bar, bar.add_task(plans[0].name, total=total, note=""), total)
+        outcomes = [carry_out(plan, out, truths, workers, sumo, watch) for plan in plans]
+    return page_of(outcomes[0], said) if len(plans) == 1 else page_of_several(WORLDS_TITLE, outcomes, said)
 
 
 def _said(name: str, scale: str, sumo: bool, seed: int) -> str:

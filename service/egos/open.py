@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 from policies.egos import EgoPolicy, ego_names, load_ego
 from service.egos.settings import PYTHON_EGO, EgoSettings
+from service.egos.sumo import MODELS, SumoEgo
+from service.egos.sumo import PREFIX as SUMO
 from service.errors import EgoError, InputError
 from service.scenario.schema import Scenario
 from service.sim.road import road_of
@@ -17,8 +19,10 @@ SERVICE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
 def usable_egos(settings: EgoSettings | None = None) -> list[str]:
-    """Names of the egos that this process can run by itself: those that come with tailroad and the user's classes."""
-    return [*ego_names(), *sorted((settings or EgoSettings.from_environment()).python)]
+    """Names of the egos that this process can run by itself: those that come with tailroad, SUMO's car-following models
+    and the user's classes."""
+    own = sorted((settings or EgoSettings.from_environment()).python)
+    return [*ego_names(), *(f"{SUMO}{model}" for model in MODELS), *own]
 
 
 def check_ego(name: str, settings: EgoSettings | None = None) -> None:
@@ -28,6 +32,11 @@ def check_ego(name: str, settings: EgoSettings | None = None) -> None:
         if not SERVICE_NAME.fullmatch(name.removeprefix(REMOTE)):
             raise InputError(
                 f"ego {name!r}: the name of an ego service has 1 to 64 letters, digits, '.', '_' and '-'"
+            )
+    elif name.startswith(SUMO):
+        if name.removeprefix(SUMO) not in MODELS:
+            raise InputError(
+                f"ego {name!r}: of SUMO's car-following models there are {', '.join(f'{SUMO}{m}' for m in MODELS)}"
             )
     elif ":" in name:
         if not PYTHON_EGO.fullmatch(name):
@@ -49,7 +58,7 @@ def check_ego(name: str, settings: EgoSettings | None = None) -> None:
 def open_ego(
     name: str, scenario: Scenario, corridor: Corridor, settings: EgoSettings | None = None
 ) -> EgoPolicy:
-    """A new ego of that name for this scenario: one that comes with tailroad, the user's class or a service.
+    """A new ego of that name for this scenario: one that comes with tailroad or SUMO, the user's class or a service.
 
     InputError for a name that `check_ego` refuses or a class that cannot be made, EgoError where a service cannot be
     reached.
@@ -61,6 +70,8 @@ def open_ego(
 
         service = name.removeprefix(REMOTE)
         return RemoteEgo(service, settings, road_of(corridor), scenario.name, scenario.time.step_s)
+    if name.startswith(SUMO):
+        return SumoEgo(name.removeprefix(SUMO), scenario.time.step_s)
     return _python_ego(name) if ":" in name else load_ego(name)
 
 

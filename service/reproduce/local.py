@@ -17,6 +17,7 @@ from service.reproduce.results import Result, result_of
 from service.reproduce.truth import GroundTruth
 from service.scenario import load_scenario
 from service.scenario.noise import with_noise
+from service.sim.without_sumo import can_leave_out_sumo
 from service.store import Chunk, RunDirectory
 
 RESULT = "reproduced.json"  # in a run's directory, once it is finished
@@ -47,7 +48,7 @@ def truth_job(truth: Truth) -> Job:
 
 
 def truth_path(truth: Truth, folder: Path) -> Path:
-    return folder / f"{truth.scenario}-{truth.ego}.npz"
+    return folder / f"{truth.scenario}-{truth.ego.replace(':', '-')}.npz"
 
 
 def run_as_job(run: Run) -> Job:
@@ -58,6 +59,7 @@ def run_as_job(run: Run) -> Job:
 def carry_out(plan: Plan, out: Path, truths: Path, workers: int, sumo: bool, watch: Watch) -> Outcome:
     """Run what is missing of the plan. out: holds the run directories; truths: the ground truths."""
     open_world = in_sumo if sumo else without_sumo
+    sumo = sumo or not can_leave_out_sumo(load_scenario(plan.truth.scenario), plan.truth.ego)
     truth = accumulate(plan.truth, truth_path(plan.truth, truths), workers, open_world, watch)
     found = tuple(_run(run, plan.gammas, out, workers, open_world, watch) for run in plan.runs)
     return Outcome(plan, truth, found, sumo)

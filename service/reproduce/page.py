@@ -1,6 +1,7 @@
 """Pages: Markdown, pictures and the results as JSON. Every number comes from the results."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -48,14 +49,16 @@ def write_page(page: Page, folder: Path) -> Path:
     return path
 
 
-def made_by(command: str) -> str:
-    """The sentence that every page begins with."""
-    return f"Made by `{command}`, numbers and pictures alike. Interrupted, the same command goes on."
+def made_by(command: str, goes_on: bool = True) -> str:
+    """The sentence that every page begins with; goes_on: an interrupted run is continued by the same command."""
+    return f"Made by `{command}`, numbers and pictures alike." + (
+        " Interrupted, the same command goes on." if goes_on else ""
+    )
 
 
 def made_with() -> str:
     """The software's versions."""
-    return ", ".join(f"{name} {version(name)}" for name in SOFTWARE)
+    return ", ".join(f"{name} {version(name)}" for name in SOFTWARE) + "."
 
 
 def page_of(outcome: Outcome, command: str) -> Page:
@@ -63,10 +66,30 @@ def page_of(outcome: Outcome, command: str) -> Page:
     return Page(
         f"{outcome.plan.name}-{outcome.plan.scale}",
         f"{outcome.plan.title} ({outcome.plan.scale})",
-        _introduction(outcome, command),
+        [made_by(command), _introduction(outcome), made_with()],
         tables_of(outcome),
         pictures_of(outcome),
         {"plan": outcome.plan, "results": outcome.results},
+    )
+
+
+def page_of_several(title: str, outcomes: Sequence[Outcome], command: str) -> Page:
+    """One page for plans that belong together."""
+    plan = outcomes[0].plan
+    tables, pictures = [], []
+    for i, outcome in enumerate(outcomes):
+        own = outcome.plan.title
+        tables += [t._replace(title=f"{own}: {t.title[0].lower()}{t.title[1:]}") for t in tables_of(outcome)]
+        pictures += [
+            (f"{i}-{file}", replace(p, title=f"{own}: {p.title}")) for file, p in pictures_of(outcome)
+        ]
+    return Page(
+        f"{plan.name}-{plan.scale}",
+        f"{title} ({plan.scale})",
+        [made_by(command), *(f"{o.plan.title}. {_introduction(o)}" for o in outcomes), made_with()],
+        tables,
+        pictures,
+        [{"plan": o.plan, "results": o.results} for o in outcomes],
     )
 
 
@@ -77,7 +100,7 @@ def markdown(table: Table) -> Iterable[str]:
         yield "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"
 
 
-def _introduction(outcome: Outcome, command: str) -> list[str]:
+def _introduction(outcome: Outcome) -> str:
     plan, ran = outcome.plan, outcome.truth.ran
     worker_s = ran.worker_s + sum(r.worker_s for r in outcome.results)
     rollouts = outcome.truth.rollouts + sum(r.rollouts for r in outcome.results)
@@ -86,9 +109,8 @@ def _introduction(outcome: Outcome, command: str) -> list[str]:
         if outcome.sumo
         else f"without SUMO, one in {EVERY} of them in SUMO too, with the same bits"
     )
-    return [
-        made_by(command),
+    return (
         f"Scenario `{plan.truth.scenario}`, ego `{plan.truth.ego}`, f the smallest time to collision. "
         f"{count(rollouts)} rollouts, {duration(worker_s)} of workers' time, {world}. Ground truth: naive Monte Carlo, "
-        f"seed {plan.truth.seed}, {count(outcome.truth.rollouts)} rollouts. Intervals are 95%. {made_with()}.",
-    ]
+        f"seed {plan.truth.seed}, {count(outcome.truth.rollouts)} rollouts. Intervals are 95%."
+    )

@@ -50,10 +50,10 @@ def scale_page(scale: str, cores: int, command: str, tell: Callable[[str], None]
             )
     sim_s = scenario.time.horizon_s
     introduction = [
-        made_by(command),
+        made_by(command, goes_on=False),
         f"Scenario `{SCENARIO}`, ego `{EGO}`, naive Monte Carlo. A rollout takes "
         f"{1e3 * float(rollout_s.mean()):.1f} ms of a core in SUMO (mean of {size.measured}, processor time), which is "
-        f"{number(sim_s / float(rollout_s.mean()))} times real time. {made_with()}.",
+        f"{number(sim_s / float(rollout_s.mean()))} times real time. {made_with()}",
         "Larger fleets are played: the real scheduler, its messages, its statistics and its decisions take the "
         "processor time that they take here, a rollout what one of the timed ones took, the network "
         f"{1e3 * LATENCY_S:g} ms each way and Zenoh with the database {1e3 * MESSAGE_S:g} ms a message. "

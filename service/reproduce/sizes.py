@@ -63,3 +63,9 @@ BEYOND = {
     "small": Ours(100_000, (0.38, 0.32), ("splitting, noise searched", "splitting"), 6, 5000),
     "paper": Ours(1_000_000, (0.38, 0.32, 0.28), ALL_SERIES, 20, 50_000),
 }
+# Other worlds: every rollout in SUMO, and the black box asked each step.
+WORLDS = {
+    "smoke": Ours(40, (), (), 1, 1000),
+    "small": Ours(2000, (), (), 1, 2000),
+    "paper": Ours(100_000, (), (), 5, 20_000),
+}

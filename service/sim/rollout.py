@@ -119,6 +119,8 @@ class Simulator:
         self._monitor = open_monitor(scenario, len(self._world.agents))
         stations = [scenario.of(vehicle, "station_m") for vehicle in scenario.vehicles]
         self._has_background = background is not None
+        own = scenario.vehicles[scenario.ego].name
+        enter = getattr(ego, "enter", None)  # of an ego that SUMO itself drives
         self._sumo = SumoSession(
             corridor,
             [vehicle.name for vehicle in scenario.vehicles],
@@ -134,8 +136,11 @@ class Simulator:
                 scenario.time.horizon_s,
             ),
             fcd=fcd,
-            gui=scenario.vehicles[scenario.ego].name if gui else None,
+            gui=own if gui else None,
+            follower=None if enter is None else (own, getattr(ego, "model", "")),
         )
+        if enter is not None:
+            enter(self._sumo, own)
 
     def __enter__(self) -> "Simulator":
         return self

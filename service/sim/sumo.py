@@ -12,6 +12,7 @@ import math
 import os
 import shutil
 import sys
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +39,9 @@ ROUTE = "corridor"
 GUI_VIEW = "View #0"
 GUI_ZOOM = 8000.0  # percent
 RARELY_S = 100.0  # SUMO plans a controlled vehicle's own motion this seldom: nobody uses that plan
+
+FOLLOWER_TYPE = "follower"
+FOLLOWS_WITHIN_M = 150.0  # how far ahead a car-following model looks
 
 SUBSCRIBED = (tc.VAR_POSITION, tc.VAR_ANGLE, tc.VAR_SPEED, tc.VAR_LENGTH, tc.VAR_WIDTH)
 BACKGROUND_TYPE = "background"
@@ -72,9 +76,11 @@ class SumoSession:
         background: BackgroundTraffic | None = None,
         fcd: Path | None = None,
         gui: str | None = None,
+        follower: tuple[str, str] | None = None,
     ):
         """names, sizes: each controlled vehicle's id and (length, width) in m. fcd: floating-car data file. gui: the
-        vehicle that SUMO's own GUI follows, in a window and at real time; SimulationError where there is none."""
+        vehicle that SUMO's own GUI follows, in a window and at real time; SimulationError where there is none.
+        follower: a controlled vehicle and the car-following model that `follow_speed` asks for it."""
         if SumoSession._open is not None:
             raise SimulationError("this process already runs a SUMO simulation; close it first")
         self._corridor = corridor
@@ -82,6 +88,7 @@ class SumoSession:
         self._types = [f"controlled-{name}" for name in names]
         self._sizes = list(sizes)
         self._background = background
+        self._files: list[str] = []
         self._options = [
             "sumo", "--net-file", corridor.net_path, "--step-length", str(step_s),
             "--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true",
@@ -89,6 +96,9 @@ class SumoSession:
         ]  # fmt: skip
         if fcd is not None:
             self._options += ["--fcd-output", str(fcd)]
+        self._follower = follower
+        if follower is not None:
+            self._options += ["--additional-files", self._type_file(follower[1])]
         self._followed = gui
         self._moves: list[tuple[int, str]] = []
         self._hints = _lane_hints(corridor)
@@ -113,16 +123,21 @@ class SumoSession:
         if SumoSession._open is self:
             SumoSession._open = None
             self._sumo.close()
+            for name in self._files:
+                with contextlib.suppress(OSError):
+                    os.unlink(name)
 
     def _prepare(self) -> None:
         """Route and vehicle types, which a load forgets."""
         self._sumo.route.add(ROUTE, list(self._corridor.edges))
         for name, (length, width) in zip(self._types, self._sizes, strict=True):
-            self._sumo.vehicletype.copy("DEFAULT_VEHTYPE", name)
+            follows = self._follower is not None and name == f"controlled-{self._follower[0]}"
+            self._sumo.vehicletype.copy(FOLLOWER_TYPE if follows else "DEFAULT_VEHTYPE", name)
             self._sumo.vehicletype.setVehicleClass(name, CONTROLLED_CLASS)
             self._sumo.vehicletype.setLength(name, length)
             self._sumo.vehicletype.setWidth(name, width)
-            self._sumo.vehicletype.setActionStepLength(name, RARELY_S)
+            if not follows:
+                self._sumo.vehicletype.setActionStepLength(name, RARELY_S)
         if self._background is not None:
             self._sumo.vehicletype.copy("DEFAULT_VEHTYPE", BACKGROUND_TYPE)
             self._sumo.vehicletype.setVehicleClass(BACKGROUND_TYPE, BACKGROUND_CLASS)
@@ -172,6 +187,27 @@ class SumoSession:
         if gone:
             self._remove_gone(rows)
         self._sumo.simulationStep()
+
+    def follow_speed(self, vehicle: str, speed_mps: float) -> tuple[float, float, float]:
+        """The speed (m/s) that the vehicle's car-following model allows it in the next step behind the vehicle ahead in
+        its lane, infinite where there is none; and the most it may accelerate and brake (m/s^2, both positive)."""
+        sumo = self._sumo.vehicle
+        limits = sumo.getAccel(vehicle), sumo.getEmergencyDecel(vehicle)
+        ahead = sumo.getLeader(vehicle, FOLLOWS_WITHIN_M)
+        if not ahead or not ahead[0]:
+            return math.inf, *limits
+        leader, gap_m = ahead
+        speed = sumo.getFollowSpeed(
+            vehicle, speed_mps, max(gap_m, 0.0), sumo.getSpeed(leader), sumo.getDecel(leader), leader
+        )
+        return float(speed), *limits
+
+    def _type_file(self, model: str) -> str:
+        """A file that tells SUMO of a vehicle type with this car-following model; SUMO has no call for it."""
+        with tempfile.NamedTemporaryFile("w", suffix=".add.xml", delete=False) as file:
+            file.write(f'<additional><vType id="{FOLLOWER_TYPE}" carFollowModel="{model}"/></additional>')
+        self._files.append(file.name)
+        return file.name
 
     def _remove_gone(self, rows: list[list[float]]) -> None:
         """Take vehicles that have left the world out of SUMO; SUMO may have let them arrive already."""
