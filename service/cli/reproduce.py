@@ -14,6 +14,7 @@ from service.reproduce.black_box import black_box
 from service.reproduce.local import Watch, carry_out
 from service.reproduce.page import Page, page_of, page_of_several, write_page
 from service.reproduce.plans import BLACK_BOX, PLANS, Plan, plans_of
+from service.reproduce.qualitative import qualitative_page
 from service.reproduce.scale_page import scale_page
 from service.reproduce.sizes import SCALES
 
@@ -22,7 +23,7 @@ TOLD_EVERY_S = 60.0  # where standard error is no terminal
 
 
 @click.command()
-@click.argument("name", type=click.Choice((*PLANS, "scale")))
+@click.argument("name", type=click.Choice((*PLANS, "qualitative", "scale")))
 @click.option("--scale", type=click.Choice(SCALES), default="small", show_default=True,
               help="smoke: seconds; small: an hour or so; paper: the sizes of the paper.")  # fmt: skip
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("runs/reproduce"),
@@ -50,18 +51,23 @@ def command(
     What is finished is not run again: after Ctrl-C, a crash or a kill the same command goes on.
     """
     workers = workers or core_count()
+    pages = pages or out / "pages"
     said = _said(name, scale, sumo, seed)
     ctx = click.get_current_context()
     try:
         if name in PLANS:
             plans = plans_of(name, scale, seed)
             page = _carried_out(plans, out, truths or out / "truths", workers, sumo, said)
+        elif name == "qualitative":
+            with progress_bar() as bar:
+                watch = _watch(bar, bar.add_task(name, total=None, note=""), 0)
+                page = qualitative_page(scale, seed, out, pages, workers, sumo, watch, said)
         else:
             page = scale_page(scale, workers, said, lambda what: stderr.print(what))
     except KeyboardInterrupt:
         stderr.print("\nInterrupted; what was run is kept. The same command goes on.")
         ctx.exit(INTERRUPTED)
-    click.echo(f"Page: {write_page(page, pages or out / 'pages')}")
+    click.echo(f"Page: {write_page(page, pages)}")
 
 
 def _carried_out(

@@ -58,10 +58,10 @@ def run_as_job(run: Run) -> Job:
 
 def carry_out(plan: Plan, out: Path, truths: Path, workers: int, sumo: bool, watch: Watch) -> Outcome:
     """Run what is missing of the plan. out: holds the run directories; truths: the ground truths."""
-    open_world = in_sumo if sumo else without_sumo
     sumo = sumo or not can_leave_out_sumo(load_scenario(plan.truth.scenario), plan.truth.ego)
+    open_world = in_sumo if sumo else without_sumo
     truth = accumulate(plan.truth, truth_path(plan.truth, truths), workers, open_world, watch)
-    found = tuple(_run(run, plan.gammas, out, workers, open_world, watch) for run in plan.runs)
+    found = tuple(finish_run(run, plan.gammas, out, workers, sumo, watch) for run in plan.runs)
     return Outcome(plan, truth, found, sumo)
 
 
@@ -86,8 +86,8 @@ def accumulate(wanted: Truth, path: Path, workers: int, open_world: OpenWorld, w
     return truth
 
 
-def _run(
-    run: Run, gammas: tuple[float, ...], out: Path, workers: int, open_world: OpenWorld, watch: Watch
+def finish_run(
+    run: Run, gammas: tuple[float, ...], out: Path, workers: int, sumo: bool, watch: Watch
 ) -> Result:
     """One run of the plan, or its result where it is finished."""
     folder = out / run.folder
@@ -109,6 +109,7 @@ def _run(
             told += chunk.stop - chunk.start
             watch.on_rollouts(chunk.stop - chunk.start)
 
+        open_world = in_sumo if sumo else without_sumo
         estimate = run_job(store, job, workers, Watcher(on_chunk=on_chunk), open_world=open_world)
         watch.on_rollouts(run.budget - told)  # where the method needed fewer
     cost["wall_s"] = time.perf_counter() - began

@@ -11,6 +11,7 @@ import heapq
 import itertools
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -23,6 +24,7 @@ from service.fleet.messages import (
     Answer,
     Ask,
     Capabilities,
+    GetJob,
     Hello,
     Lease,
     Nothing,
@@ -107,9 +109,7 @@ class _Fleet:
     def run(self) -> Reach:
         self._at(0.0, lambda now: self._handle(now, E.Submitted("job", EGO)))
         for i in range(self._workers):
-            name = f"w{i}"
-            self._at(0.0, lambda now, name=name: self._say(now, Hello(name, Capabilities(1, (EGO,), False, False, {})),
-                                                           self._welcomed(name)))  # fmt: skip
+            self._at(0.0, partial(self._begin, f"w{i}"))
         self._at(TICK_S, self._tick)
         while self._done_at is None:
             now, _, happen = heapq.heappop(self._heap)
@@ -143,9 +143,9 @@ class _Fleet:
         self._free_at = start + taken
         for instruction, _ in replies:
             _, hear = self._requests.pop(instruction.request)
-            self._at(self._free_at + LATENCY_S, lambda t, h=hear, r=instruction.reply: h(t, r))
-        for instruction in instructions:
-            self._do(instruction)
+            self._at(self._free_at + LATENCY_S, partial(_heard, hear, instruction.reply))
+        for other in instructions:
+            self._do(other)
 
     def _do(self, instruction: E.Instruction) -> None:
         if isinstance(instruction, E.Open):
@@ -190,6 +190,7 @@ class _Fleet:
         def arrive(t: float) -> None:
             began = time.thread_time()
             read = decode_request(data)
+            assert not isinstance(read, GetJob)
             chunk = chunk_of(read) if isinstance(read, Answer) else None
             number = next(self._numbers)
             self._requests[number] = (message.worker, hear)
@@ -198,6 +199,9 @@ class _Fleet:
         self._at(now + LATENCY_S, arrive)
 
     # -- the workers -----------------------------------------------------------------------------------------
+
+    def _begin(self, name: str, now: float) -> None:
+        self._say(now, Hello(name, Capabilities(1, (EGO,), False, False, {})), self._welcomed(name))
 
     def _welcomed(self, name: str) -> Callable[[float, Any], None]:
         def hear(now: float, reply: Any) -> None:
@@ -233,6 +237,10 @@ class _Fleet:
 
         self._say(now, answer_of(name, lease.lease, key, chunk), noted)
         self._ask(now, name)
+
+
+def _heard(hear: Callable[[float, Any], None], reply: Any, now: float) -> None:
+    hear(now, reply)
 
 
 def _nothing(phase: str, iteration: int, start: int, stop: int) -> list:
