@@ -3,6 +3,7 @@
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
+from typing import Any
 from urllib.parse import quote
 
 from starlette.applications import Starlette
@@ -14,9 +15,10 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 
 from service.client import Client, NoAnswer, Refused
+from service.dashboard.files import Files
 from service.dashboard.forms import local_path, sent
 from service.dashboard.guard import Guard
-from service.dashboard.pages import job, jobs, submit
+from service.dashboard.pages import compare, failures, job, jobs, learned, risk, rollout, submit
 from service.dashboard.site import Part, Site
 from service.dashboard.trouble import Trouble, trouble_of
 
@@ -36,6 +38,8 @@ class KeptForGood(StaticFiles):
 
 def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
     """The dashboard as an ASGI application. names: host names that it may be called by."""
+
+    files, job_parts = Files(site), (*job.PARTS, learned.LEARNED)
 
     @asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
@@ -62,9 +66,9 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
 
     async def job_page(request: Request) -> Response:
         found = await known_job(request)
-        return await site.page(request, "job.html", job.PARTS, found)
+        return await site.page(request, "job.html", job_parts, found)
 
-    async def known_job(request: Request) -> dict[str, str]:
+    async def known_job(request: Request) -> dict[str, Any]:
         """What the frame of a job's page needs; a job that there is not is told at once."""
         name = request.path_params["job"]
         try:
@@ -72,6 +76,22 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
         except NoAnswer:
             return {"job": name, "title": name}  # its parts come when the service is back
         return {"job": name, "title": found.label or name}
+
+    async def failures_page(request: Request) -> Response:
+        return await site.page(request, "failures.html", failures.PARTS, await known_job(request))
+
+    async def risk_page(request: Request) -> Response:
+        values = await known_job(request) | risk.form_values(request)
+        return await site.page(request, "risk.html", risk.PARTS, values)
+
+    async def compare_page(request: Request) -> Response:
+        return await site.page(request, "compare.html", compare.PARTS)
+
+    async def rollout_page(request: Request) -> Response:
+        asked = rollout.Asked(request)
+        values = await known_job(request) | {"asked": asked, "formats": rollout.FORMATS}
+        values |= {name: request.query_params.get(name, "")[:100] for name in ("rank", "mode")}
+        return await site.page(request, "rollout.html", rollout.PARTS, values)
 
     async def submit_page(request: Request) -> Response:
         form = await submit.empty_form(site, await submit.liked(site, request))
@@ -121,7 +141,20 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
         Route("/submit", submit_page, methods=["GET", "POST"]),
         Route("/jobs/{job}", job_page),
         Route("/jobs/{job}/{order}", order, methods=["POST"]),
-        parts("/jobs/{job}", *job.PARTS),
+        parts("/jobs/{job}", *job_parts),
+        Route("/jobs/{job}/failures", failures_page),
+        parts("/jobs/{job}/failures", *failures.PARTS),
+        Route("/jobs/{job}/risk", risk_page),
+        parts("/jobs/{job}/risk", *risk.PARTS),
+        Route("/compare", compare_page),
+        parts("/compare", *compare.PARTS),
+        Route("/jobs/{job}/rollouts/{row}", rollout_page),
+        parts("/jobs/{job}/rollouts/{row}", *rollout.PARTS),
+        Route("/jobs/{job}/rollouts/{row}/playback.json", files.playback),
+        Route("/jobs/{job}/rollouts/{row}/camera.json", files.camera),
+        Route("/jobs/{job}/rollouts/{row}/export/{form}", files.export),
+        Route("/jobs/{job}/report", files.report),
+        Route("/jobs/{job}/report.json", files.report_json),
         Route("/live", events),
         Mount("/static", KeptForGood(packages=[("service.dashboard", "static")])),
     ]

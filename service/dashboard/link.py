@@ -66,12 +66,16 @@ class Link:
         self._known.move_to_end(key)
         return await asyncio.shield(known)
 
-    async def order(self, ask: Callable[[Client], T]) -> T:
-        """ask(client), which changes something: what was remembered is forgotten."""
+    async def once(self, ask: Callable[[Client], T]) -> T:
+        """ask(client), which is not remembered."""
         if self._here is False:
             raise NoAnswer(self._reason)
+        return await asyncio.get_running_loop().run_in_executor(self._pool, self._asked, ask)
+
+    async def order(self, ask: Callable[[Client], T]) -> T:
+        """ask(client), which changes something: what was remembered is forgotten."""
         try:
-            return await asyncio.get_running_loop().run_in_executor(self._pool, self._asked, ask)
+            return await self.once(ask)
         finally:
             self._known.clear()
 

@@ -190,6 +190,10 @@ def _readable(chart: Chart, series: Sequence[Series], x: Scale) -> dict:
     return {
         "top": TOP,
         "bottom": HEIGHT - BOTTOM,
+        "left": x.start,
+        "right": x.end,
+        "low": x.low,
+        "high": x.high,
         "points": [
             [round(x(a), 1), f"{chart.x_label} {significant(a, 4)} – {'; '.join(said[a])}"]
             for a in sorted(said)

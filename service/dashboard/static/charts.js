@@ -3,18 +3,39 @@
 const SVG = "http://www.w3.org/2000/svg";
 
 function told(svg, index) {
-  const { points, top, bottom } = JSON.parse(svg.dataset.chart);
+  const { points } = JSON.parse(svg.dataset.chart);
   if (!points.length) return;
   const at = Math.min(Math.max(index, 0), points.length - 1);
   svg.dataset.at = at;
+  drawCross(svg, points[at][0]);
+  svg.parentElement.querySelector(".readout").textContent = points[at][1];
+}
+
+function drawCross(svg, x) {
+  const { top, bottom } = JSON.parse(svg.dataset.chart);
   const cross = svg.querySelector(".cross");
   cross.removeAttribute("hidden");
   const line = document.createElementNS(SVG, "line");
-  for (const [name, value] of [["x1", points[at][0]], ["x2", points[at][0]], ["y1", top], ["y2", bottom]]) {
+  for (const [name, value] of [["x1", x], ["x2", x], ["y1", top], ["y2", bottom]]) {
     line.setAttribute(name, value);
   }
   cross.replaceChildren(line);
-  svg.parentElement.querySelector(".readout").textContent = points[at][1];
+}
+
+// The line at a value of the (even) x axis.
+export function crossAt(svg, value) {
+  const { low, high, left, right } = JSON.parse(svg.dataset.chart);
+  drawCross(svg, left + ((value - low) / (high - low)) * (right - left));
+}
+
+// The value of the x axis where a chart inside `within` was clicked; null for any other click.
+export function seekFrom(event, within) {
+  const svg = event.target.closest?.(`${within} svg[data-chart]`);
+  if (!svg) return null;
+  const { low, high, left, right } = JSON.parse(svg.dataset.chart);
+  const box = svg.getBoundingClientRect();
+  const x = ((event.clientX - box.left) / box.width) * svg.viewBox.baseVal.width;
+  return low + ((x - left) / (right - left)) * (high - low);
 }
 
 function nearest(svg, clientX) {

@@ -1,0 +1,46 @@
+"""How the ego fails: the modes with their shares, and the dangerous rollouts in order."""
+
+from typing import Any, Literal, get_args
+from urllib.parse import quote, urlencode
+
+import msgspec
+from starlette.requests import Request
+
+from service.api.objects import OVER
+from service.dashboard.link import FOR_GOOD_S
+from service.dashboard.pages.job import HEAD, job_of
+from service.dashboard.site import Part, Site
+
+Order = Literal["likelihood", "weight", "f"]
+ORDERS = {
+    "likelihood": "likeliest under standard traffic first",
+    "weight": "those that carry most of the estimate first",
+    "f": "the most dangerous first",
+}
+FEW, MANY = 20, 100
+WHILE_RUNNING_S = 30.0  # finding failures runs rollouts again: not at each batch
+
+
+async def failures(site: Site, request: Request) -> dict[str, Any]:
+    """The failures so far, as the API tells them."""
+    job = await job_of(site, request)
+    by = request.query_params.get("by", "")
+    order = by if by in get_args(Order) or by in ORDERS else "likelihood"
+    limit = MANY if request.query_params.get("all") == "1" else FEW
+    key = f"jobs/{quote(job.id, safe='')}/failures?limit={limit};by={order}"
+    found = await site.link.ask(
+        ("failures", key, job.status),
+        lambda client: msgspec.json.decode(client.get(key)),
+        FOR_GOOD_S if job.status in OVER else WHILE_RUNNING_S,
+    )
+    return {"job": job, "found": found, "order": order, "orders": ORDERS, "few": FEW, "many": MANY,
+            "replay": lambda failure: replay_address(job.id, failure)}  # fmt: skip
+
+
+def replay_address(job: str, failure: dict[str, Any]) -> str:
+    """Where a rollout is replayed."""
+    where = {"iteration": failure["iteration"], "rank": failure["rank"], "mode": failure["mode"]}
+    return f"/jobs/{quote(job, safe='')}/rollouts/{failure['row']}?{urlencode(where)}"
+
+
+PARTS = (HEAD, Part("failures", "Failures", failures, ("status",), every_s=None))
