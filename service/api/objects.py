@@ -64,8 +64,19 @@ class Jobs(_Body, frozen=True):
     next: int | None
 
 
+class Doing(_Body, frozen=True):
+    """A chunk that a worker has now. audit: another worker has run it before; for_s: since it was given."""
+
+    job: str
+    phase: str
+    iteration: int
+    rows: int
+    audit: bool
+    for_s: float
+
+
 class Worker(_Body, frozen=True):
-    """A worker that is connected, or (quarantine: why) was found wrong."""
+    """A worker that is connected, or (quarantine: why) was found wrong. now: the chunks that it has."""
 
     id: str
     procs: int
@@ -79,6 +90,18 @@ class Worker(_Body, frozen=True):
     rollouts: int
     worker_s: float
     quarantine: str
+    now: tuple[Doing, ...]
+
+
+class Tally(_Body, frozen=True):
+    """What became of chunks since the scheduler began. lost: taken back without an answer; copied: given to a second
+    worker because the first took long; audited: run again by another worker and judged; wrong: values that were not
+    the others'."""
+
+    lost: int
+    copied: int
+    audited: int
+    wrong: int
 
 
 class Workers(_Body, frozen=True):

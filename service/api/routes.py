@@ -23,6 +23,7 @@ TOPS = (
     "scenarios",
     "egos",
     "workers",
+    "tally",
     "jobs",
     "comparison",
 )  # first parts of the keys
@@ -50,6 +51,7 @@ ROUTES = (
     Route("scenarios", "Scenarios, roads and driver weights that jobs may name.", "scenarios", R.Nothing, O.Scenarios),
     Route("egos", "Egos that jobs may name.", "egos", R.Nothing, O.Egos),
     Route("workers", "Workers that are connected, and those in quarantine.", "workers", R.WorkersPage, O.Workers),
+    Route("tally", "Lost, copied and audited chunks since the scheduler began.", "tally", R.Nothing, O.Tally),
     Route("jobs", "Jobs in the order of submission.", "jobs", R.Page, O.Jobs),
     Route("jobs", "With a body: submit a job.", "submit", R.Nothing, O.Job, R.Submission, True),
     Route("jobs/{job}", "A job and how far it is.", "job", R.Nothing, O.Job),

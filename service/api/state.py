@@ -8,7 +8,7 @@ from importlib.metadata import version
 import msgspec
 
 from service.api.catalogue import Catalogue
-from service.api.objects import Egos, Health, Scenarios, Worker, Workers
+from service.api.objects import Egos, Health, Scenarios, Tally, Worker, Workers
 from service.api.problems import ApiError
 from service.api.requests import Nothing, WorkersPage
 from service.fleet.service import Fleet
@@ -34,6 +34,9 @@ class StateAnswers:
         known = sorted((w for w in self._fleet.workers() if w.id > asked.after), key=lambda w: w.id)
         items = tuple(msgspec.convert(w, Worker, from_attributes=True) for w in known[: asked.limit])
         return Workers(items=items, next=items[-1].id if len(known) > asked.limit else None)
+
+    def tally(self, asked: Nothing) -> Tally:
+        return msgspec.convert(self._fleet.tally(), Tally, from_attributes=True)
 
     def health(self, asked: Nothing) -> Health:
         try:

@@ -214,6 +214,10 @@ class Client:
     def workers(self, after: str = "", limit: int = 1000) -> O.Workers:
         return self._ask("workers", O.Workers, after=after or None, limit=limit)
 
+    def tally(self) -> O.Tally:
+        """Lost, copied and audited chunks since the scheduler began."""
+        return self._ask("tally", O.Tally)
+
     def health(self) -> O.Health:
         return self._ask("health", O.Health)
 

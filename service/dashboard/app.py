@@ -18,7 +18,7 @@ from service.client import Client, NoAnswer, Refused
 from service.dashboard.files import Files
 from service.dashboard.forms import local_path, sent
 from service.dashboard.guard import Guard
-from service.dashboard.pages import compare, failures, job, jobs, learned, risk, rollout, submit
+from service.dashboard.pages import compare, failures, fleet, job, jobs, learned, risk, rollout, submit
 from service.dashboard.site import Part, Site
 from service.dashboard.trouble import Trouble, trouble_of
 
@@ -39,6 +39,7 @@ class KeptForGood(StaticFiles):
 def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
     """The dashboard as an ASGI application. names: host names that it may be called by."""
 
+    workers = fleet.FleetPage()
     files, job_parts = Files(site), (*job.PARTS, learned.LEARNED)
 
     @asynccontextmanager
@@ -83,6 +84,9 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
     async def risk_page(request: Request) -> Response:
         values = await known_job(request) | risk.form_values(request)
         return await site.page(request, "risk.html", risk.PARTS, values)
+
+    async def fleet_page(request: Request) -> Response:
+        return await site.page(request, "fleet.html", workers.parts)
 
     async def compare_page(request: Request) -> Response:
         return await site.page(request, "compare.html", compare.PARTS)
@@ -146,6 +150,8 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
         parts("/jobs/{job}/failures", *failures.PARTS),
         Route("/jobs/{job}/risk", risk_page),
         parts("/jobs/{job}/risk", *risk.PARTS),
+        Route("/fleet", fleet_page),
+        parts("/fleet", *workers.parts),
         Route("/compare", compare_page),
         parts("/compare", *compare.PARTS),
         Route("/jobs/{job}/rollouts/{row}", rollout_page),

@@ -58,6 +58,7 @@ class Dealing:
         for i, (job, flight) in enumerate(late):
             if self._able(worker, job):
                 del late[i]
+                self._workers.tally.copied += 1
                 return self._lease(now, worker, ask, job, flight)
         return None
 

@@ -36,6 +36,7 @@ class Leases(Careers):
         flight = job.flights.get((held.key.start, held.key.stop))
         if flight is None or lease not in flight.leases:
             return
+        self.workers.tally.lost += lost > 0
         flight.leases.discard(lease)
         if flight.leases:
             return

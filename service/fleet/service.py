@@ -16,6 +16,7 @@ from service.fleet import events as E
 from service.fleet.errors import NoSuchJob
 from service.fleet.hub import Hub
 from service.fleet.scheduler import Scheduler
+from service.fleet.workers import WorkerState
 from service.job import Job
 from service.record import JobRecord, replay
 from service.store.jobs import Event, JobRow
@@ -48,6 +49,26 @@ class JobView(msgspec.Struct, frozen=True):
     refusals: dict[str, str] = {}  # workers that cannot run it, and why
 
 
+class Doing(msgspec.Struct, frozen=True):
+    """A chunk that a worker has now. audit: another worker has run it before; for_s: since it was given."""
+
+    job: str
+    phase: str
+    iteration: int
+    rows: int
+    audit: bool
+    for_s: float
+
+
+class Tally(msgspec.Struct, frozen=True):
+    """What became of chunks since the scheduler began (`service.fleet.workers.Tally`)."""
+
+    lost: int
+    copied: int
+    audited: int
+    wrong: int
+
+
 class WorkerView(msgspec.Struct, frozen=True):
     """A worker that is connected, or (quarantine) was found wrong."""
 
@@ -63,6 +84,7 @@ class WorkerView(msgspec.Struct, frozen=True):
     rollouts: int = 0
     worker_s: float = 0.0
     quarantine: str = ""
+    now: tuple[Doing, ...] = ()
 
 
 class Fleet:
@@ -166,6 +188,12 @@ class Fleet:
         """Those connected now, and those in quarantine."""
         return self._hub.call(_workers).result()
 
+    def tally(self) -> Tally:
+        """Lost, copied and audited chunks."""
+        return self._hub.call(
+            lambda scheduler: msgspec.convert(scheduler.workers.tally, Tally, from_attributes=True)
+        ).result()
+
     # -- inside ----------------------------------------------------------------------------------------------
 
     def _row(self, job: str) -> JobRow:
@@ -209,11 +237,27 @@ def _progress(scheduler: Scheduler) -> dict[str, tuple[int, int, dict[str, str]]
     return {j.id: (j.rollouts, leases.get(j.id, 0), dict(j.refused)) for j in scheduler.jobs.values()}
 
 
+def _doing(scheduler: Scheduler, worker: WorkerState) -> tuple[Doing, ...]:
+    held = [scheduler.workers.leases[lease] for lease in sorted(worker.leases)]
+    return tuple(
+        Doing(
+            key.job,
+            key.phase,
+            key.iteration,
+            key.stop - key.start,
+            h.audit,
+            round(scheduler.now - h.since, 1),
+        )
+        for h in held
+        for key in (h.key,)
+    )
+
+
 def _workers(scheduler: Scheduler) -> list[WorkerView]:
     known = scheduler.workers
     here = [
         WorkerView(w.id, c.procs, c.egos, c.camera, c.gpu, c.host, c.versions, len(w.leases), w.chunks, w.rollouts,
-                   w.worker_s)
+                   w.worker_s, now=_doing(scheduler, w))
         for w in known.here.values()
         for c in (w.capabilities,)
     ]  # fmt: skip

@@ -15,6 +15,8 @@ class Verdicts(Leases):
         if audit is None or verdict is None:
             return
         self._auditing.close(key)
+        self.workers.tally.audited += 1
+        self.workers.tally.wrong += len(verdict.wrong)
         if not verdict.right:
             reason = (
                 f"rows [{key.start}, {key.stop}) of {key.phase} {key.iteration} gave different values on each of "

@@ -30,6 +30,18 @@ class Waiting:
 
 
 @dataclass
+class Tally:
+    """What became of chunks since the scheduler began. lost: taken back without an answer, because the worker was gone
+    or its time was up; copied: given to a second worker because the first took long; audited: run again by another
+    worker and judged; wrong: of those, values that were not the others'."""
+
+    lost: int = 0
+    copied: int = 0
+    audited: int = 0
+    wrong: int = 0
+
+
+@dataclass
 class WorkerState:
     """A worker that has said hello."""
 
@@ -56,6 +68,7 @@ class Workers:
         self.quarantined = dict(quarantined)
         self.leases: dict[int, Held] = {}
         self.waiting: dict[tuple[str, int], Waiting] = {}
+        self.tally = Tally()
         self._last_lease = 0
 
     @property
