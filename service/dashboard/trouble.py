@@ -6,6 +6,7 @@ from service.api.objects import Wrong
 from service.client import NoAnswer, Refused
 
 AGAIN_S = 2.0
+WORKING = "Rollouts are run once more for this; it shows as soon as they are done."
 PASSING = {
     "working": "Being computed",
     "busy": "The service is busy",
@@ -36,7 +37,9 @@ def trouble_of(error: Exception) -> Trouble:
     problem, kind = error.problem, error.kind
     if kind in PASSING:
         again_s = problem.retry_after_s or AGAIN_S
-        return Trouble(503, PASSING[kind], problem.detail, again_s=again_s, working=kind == "working")
+        if kind == "working":
+            return Trouble(202, PASSING[kind], WORKING, again_s=again_s, working=True)
+        return Trouble(503, PASSING[kind], problem.detail, again_s=again_s)
     if kind == "no-such-key":
         return Trouble(501, "This service cannot tell that", problem.detail,
                        "It is older than this dashboard: update tailroad where `tailroad serve` runs.")  # fmt: skip

@@ -17,6 +17,7 @@ ORDERS = {
     "weight": "those that carry most of the estimate first",
     "f": "the most dangerous first",
 }
+ENDS = {"horizon": "drove on to the end", "finished": "reached the end of the road"}
 FEW, MANY = 20, 100
 WHILE_RUNNING_S = 30.0  # finding failures runs rollouts again: not at each batch
 
@@ -33,13 +34,15 @@ async def failures(site: Site, request: Request) -> dict[str, Any]:
         lambda client: msgspec.json.decode(client.get(key)),
         FOR_GOOD_S if job.status in OVER else WHILE_RUNNING_S,
     )
-    return {"job": job, "found": found, "order": order, "orders": ORDERS, "few": FEW, "many": MANY,
-            "replay": lambda failure: replay_address(job.id, failure)}  # fmt: skip
+    names = {mode["mode"]: mode["name"] for mode in found["modes"]}
+    return {"job": job, "found": found, "order": order, "orders": ORDERS, "few": FEW, "many": MANY, "names": names,
+            "ends": ENDS, "replay": lambda failure: replay_address(job.id, failure, names)}  # fmt: skip
 
 
-def replay_address(job: str, failure: dict[str, Any]) -> str:
-    """Where a rollout is replayed."""
-    where = {"iteration": failure["iteration"], "rank": failure["rank"], "mode": failure["mode"]}
+def replay_address(job: str, failure: dict[str, Any], names: dict[str, str]) -> str:
+    """Where a rollout is replayed. names: of modes."""
+    mode = names.get(failure["mode"], failure["mode"])
+    where = {"iteration": failure["iteration"], "rank": failure["rank"], "mode": mode}
     return f"/jobs/{quote(job, safe='')}/rollouts/{failure['row']}?{urlencode(where)}"
 
 

@@ -27,7 +27,7 @@ async function fetched(address, waiting) {
     }
     const isJson = answer.headers.get("content-type")?.startsWith("application/json");
     const body = isJson ? await answer.json() : { title: "The service does not answer", text: "Trying again." };
-    if (answer.ok) return body;
+    if (answer.status === 200) return body;
     const again = answer.headers.get("retry-after") ?? (answer.status === 503 ? "3" : null);
     if (again === null) throw new Error(`${body.title}. ${body.text}`);
     waiting(`${body.title} …`);
