@@ -34,8 +34,9 @@ POLICE_REPORTED = Baseline(
 )
 NEAR_CRASHES = Baseline(
     name="near-crashes of human drivers in the 100-Car study",
-    per_million_km=761 / (2.0e6 * KM_PER_MILE) * MILLION,
-    source="NHTSA, DOT HS 810 593: 761 near-crashes in about 2 million vehicle miles",
+    per_million_km=760 / (2.0e6 * KM_PER_MILE) * MILLION,
+    source="100-Car study (NHTSA, DOT HS 810 593): 760 near-crashes in its public event database (secondary sources "
+    "also give 761) in about 2 million vehicle miles; taken from secondary sources, not from the report itself",
 )
 BASELINES = {"police-reported": POLICE_REPORTED, "near-crash": NEAR_CRASHES}
 

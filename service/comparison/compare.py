@@ -34,8 +34,8 @@ from service.failures.examine import (
 )
 from service.failures.find import notes_on
 from service.failures.rerun import Rerunner
-from service.failures.shares import mode_estimate, share_interval
-from service.failures.tell import known_rows, mode_p
+from service.failures.shares import mode_estimate
+from service.failures.tell import known_rows, mode_p, mode_share
 from service.record import JobRecord
 from service.thresholds import curve_gammas
 
@@ -161,9 +161,7 @@ def _change(mode: str, a: Examined, in_a: np.ndarray, b: Examined, in_b: np.ndar
 
 
 def _mode_side(examined: Examined, member: np.ndarray) -> ModeSide:
-    events, estimate = examined.events, examined.events.record.estimate
-    worth = estimate.ess if isinstance(estimate, ce.ReplicatedEstimate) else None
-    share = share_interval(member, events.share[examined.sample], estimate.confidence, worth)
+    share = mode_share(examined, member)
     p, ci = mode_p(examined, member, share)
     return ModeSide(events=int(member.sum()), p=p, ci=ci)
 

@@ -21,7 +21,8 @@ class Events:
     """The rollouts with f <= gamma of the batches that the estimate is made of, by iteration and row. Arrays (n,).
 
     log_likelihood: log p0(x), nats; weight: p0(x) over the proposal's density, 1 for naive Monte Carlo and for methods
-    that move chains; share: of the estimate that the rollout carries.
+    that move chains; share: of the estimate that the rollout carries; replication: for methods that move chains, the
+    independent replication that met it, and replicated: p of each replication.
     """
 
     record: JobRecord
@@ -32,13 +33,15 @@ class Events:
     log_likelihood: np.ndarray
     weight: np.ndarray
     share: np.ndarray
+    replication: np.ndarray | None = None
+    replicated: np.ndarray | None = None
 
     def __len__(self) -> int:
         return int(self.rows.size)
 
     def ranking(self, order: Order) -> np.ndarray:
         """Positions (n,), the first ranks first: the likeliest, the heaviest, or the lowest f. Ties go by row."""
-        keys = {"likelihood": -self.log_likelihood, "weight": -self.weight, "f": self.f}
+        keys = {"likelihood": -self.log_likelihood, "weight": -self.share, "f": self.f}
         if order not in keys:
             raise InputError(f"no order named {order!r}; there are {', '.join(keys)}")
         return np.lexsort((self.rows, self.iterations, keys[order]))
@@ -79,19 +82,54 @@ def events_of(record: JobRecord) -> Events:
 
 
 def _of_chains(record: JobRecord) -> Events:
-    """Of a method that moves chains: every dangerous rollout that it has met, all of one weight."""
-    keys = [k for k, (_, _, f) in record.explicit.items() if k[0] == CHAINS and f <= record.estimate.gamma]
-    keys.sort()
-    met = [record.explicit[k] for k in keys]
-    n = len(met)
-    x = np.array([x for x, _, _ in met]).reshape(n, record.problem.base.dim)
+    """Of a method that moves chains: the dangerous rollouts that carry its estimate, each with its part of it.
+
+    A chain stays where it is when a move is refused, and a level begins from survivors of the one before, so a rollout
+    may stand in the estimate many times, once, or (met by the pilot, or handed on to a lower level) not at all. Its
+    entries there are known by its f, which rollouts share only when they are the same to the bit.
+    """
+    estimate = record.estimate
+    assert isinstance(estimate, ce.ReplicatedEstimate)
+    met = [k for k, (_, _, f) in record.explicit.items() if k[0] == CHAINS and f <= estimate.gamma]
+    share, replication, replicated = chain_shares(estimate, np.array([record.explicit[k][2] for k in met]))
+    keys = sorted((k, i) for i, k in enumerate(met) if share[i] > 0.0)
+    chosen = np.array([i for _, i in keys], dtype=np.int64)
+    found = [record.explicit[k] for k, _ in keys]
+    n = len(found)
+    x = np.array([x for x, _, _ in found]).reshape(n, record.problem.base.dim)
     return Events(
         record,
         CHAINS,
-        np.array([k[1] for k in keys], dtype=np.int64),
-        np.array([k[2] for k in keys], dtype=np.int64),
-        np.array([f for _, _, f in met]),
+        np.array([k[1] for k, _ in keys], dtype=np.int64),
+        np.array([k[2] for k, _ in keys], dtype=np.int64),
+        np.array([f for _, _, f in found]),
         record.problem.base.log_density(x),
         np.ones(n),
-        np.full(n, 1.0 / max(n, 1)),
+        share[chosen],
+        replication[chosen],
+        replicated,
     )
+
+
+def chain_shares(
+    estimate: ce.ReplicatedEstimate, met: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What the rollouts with values `met` (n,) carry of the estimate.
+
+    Returns their shares (n,), which sum to one, 0 for those that the estimate does not hold; the replication of each
+    (n,); and p of each replication. Rollouts of one and the same value share its part evenly.
+    """
+    inside = estimate.f <= estimate.gamma
+    weight = np.zeros(estimate.f.size) if estimate.log_weights is None else np.exp(estimate.log_weights)
+    runs = int(estimate.replication.max()) + 1 if estimate.replication.size else 0
+    replicated = np.bincount(estimate.replication[inside], weight[inside], minlength=runs)
+    values, place, times = np.unique(met, return_inverse=True, return_counts=True)
+    at = np.searchsorted(values, estimate.f[inside])
+    known = at < values.size
+    known[known] = values[at[known]] == estimate.f[inside][known]
+    at, mine = at[known], weight[inside][known]
+    carried = np.bincount(at, mine, minlength=values.size) / times
+    run = np.zeros(values.size, dtype=np.int64)
+    run[at] = estimate.replication[inside][known]
+    share = carried[place]
+    return share / max(share.sum(), 1e-300), run[place], replicated

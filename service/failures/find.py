@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import ce
-from service.failures.events import CHAINS, Order, events_of
+from service.failures.events import CHAINS, Events, Order, events_of
 from service.failures.examine import EXAMINED, Examined, Watch, examine, look_away, modes_by_position
 from service.failures.objects import Failures
 from service.failures.rerun import Rerunner
@@ -67,6 +67,10 @@ def find_failures(
     return Found(failures, examined, ranking, modes)
 
 
+def _replications(events: Events) -> int:
+    return 0 if events.replicated is None else events.replicated.size
+
+
 def notes_on(examined: Examined) -> list[str]:
     """What bears on how far an examination can be relied on."""
     events, again = examined.events, examined.again
@@ -80,7 +84,8 @@ def notes_on(examined: Examined) -> list[str]:
         )
     if isinstance(events.record.estimate, ce.ReplicatedEstimate):
         notes.append(
-            "The rollouts come from Markov chains: shares count those met, worth the estimate's effective number."
+            "The rollouts come from Markov chains: each counts with its part of the estimate, and the intervals of "
+            f"shares come from the spread over {_replications(events)} independent replications."
         )
     differing = sum(not same_bits(a.f, float(events.f[i])) for i, a in again.items())
     if differing:

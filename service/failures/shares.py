@@ -1,22 +1,20 @@
 """What part of p a failure mode has, and its own p, with intervals."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import betaincinv
+from scipy.special import betaincinv, ndtri, stdtrit
 
 import ce
 
 
-def share_interval(
-    member: np.ndarray, weight: np.ndarray, confidence: float, worth: float | None = None
-) -> tuple[float, float, float]:
+def share_interval(member: np.ndarray, weight: np.ndarray, confidence: float) -> tuple[float, float, float]:
     """Share of the members (n, bool) in the weighted events, with its interval: (share, low, high).
 
     The share is the ratio estimator sum w 1{member} / sum w. Its interval is Korn and Graubard's (Survey Methodology
     24, 1998): Clopper and Pearson's with the effective number of events, share (1 - share) / variance with the
-    linearised variance of the ratio, and never more than Kish's number; exact for equal weights. worth: at most so many
-    independent events, where they are worth fewer than their weights say.
+    linearised variance of the ratio, and never more than Kish's number; exact for equal weights.
     """
     if not weight.size:
         return 0.0, 0.0, 1.0
@@ -26,12 +24,68 @@ def share_interval(
     kish = 1.0 / float(np.sum(w**2))
     inside = variance > 0.0 and 0.0 < share < 1.0
     n = min(share * (1.0 - share) / variance if inside else kish, kish)
-    if worth is not None:
-        n = min(n, max(worth, 1.0))
+    return (share, *_korn_graubard(share, n, confidence))
+
+
+def replicated_share(
+    member: np.ndarray,
+    share: np.ndarray,
+    replication: np.ndarray,
+    replicated: np.ndarray,
+    confidence: float,
+) -> tuple[float, float, float]:
+    """The same where events come from independent replications, within which they depend on each other.
+
+    member, share, replication: of n events, as `Events` has them; replicated: p of each replication. The share is the
+    members' part of p summed over replications, over the sum of p; its variance is that of this ratio over the
+    replications, with Student's quantile for as many. Where all replications agree, as when no event or every event is
+    a member, they count as so many independent events.
+    """
+    if not member.size or replicated.sum() <= 0.0:
+        return 0.0, 0.0, 1.0
+    parts = replicated_parts(member, share, replication, replicated)
+    total, runs = float(replicated.sum()), replicated.size
+    found = float(np.clip(parts.sum() / total, 0.0, 1.0))
+    if runs < 2:
+        return found, 0.0, 1.0
+    left = parts - found * replicated
+    variance = float(np.sum(left**2)) * runs / (runs - 1.0) / total**2
+    n = total**2 / float(np.sum(replicated**2))  # replications of equal weight
+    if variance > 0.0 and 0.0 < found < 1.0:
+        student = float(ndtri(0.5 + 0.5 * confidence) / stdtrit(runs - 1, 0.5 + 0.5 * confidence))
+        n = min(found * (1.0 - found) / variance * student**2, 1.0 / float(np.sum(share**2)))
+    return (found, *_korn_graubard(found, max(n, 1.0), confidence))
+
+
+def replicated_parts(
+    member: np.ndarray, share: np.ndarray, replication: np.ndarray, replicated: np.ndarray
+) -> np.ndarray:
+    """The members' part of p in each replication, from events that may be a sample of all: a replication of which none
+    is in the sample has them as all others together do."""
+    runs = replicated.size
+    mine = np.bincount(replication[member], share[member], minlength=runs)
+    all_of = np.bincount(replication, share, minlength=runs)
+    pooled = float(share[member].sum() / share.sum())
+    return replicated * np.where(all_of > 0.0, mine / np.where(all_of > 0.0, all_of, 1.0), pooled)
+
+
+def replicated_p(parts: np.ndarray, confidence: float) -> tuple[float, tuple[float, float]] | None:
+    """p of a smaller event from its p in each replication, with the interval of `ce.ReplicatedEstimate`: Student's, on
+    the logarithm. None where no replication has it."""
+    runs, p = parts.size, float(parts.mean())
+    if runs < 2 or p <= 0.0:
+        return None
+    relative = float(parts.std(ddof=1)) / math.sqrt(runs) / p
+    factor = math.exp(min(float(stdtrit(runs - 1, 0.5 + 0.5 * confidence)) * relative, 700.0))
+    return p, (p / factor, min(p * factor, 1.0))
+
+
+def _korn_graubard(share: float, n: float, confidence: float) -> tuple[float, float]:
+    """Clopper and Pearson's interval of a share of n effective events."""
     tail, k = 0.5 * (1.0 - confidence), share * n
     low = float(betaincinv(k, n - k + 1.0, tail)) if k > 0.0 else 0.0
     high = float(betaincinv(k + 1.0, n - k, 1.0 - tail)) if share < 1.0 else 1.0
-    return share, low, high
+    return low, high
 
 
 def mode_estimate(estimate: ce.Estimate, rows: np.ndarray, stop: int) -> ce.Estimate:

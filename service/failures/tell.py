@@ -10,7 +10,13 @@ from service.failures.examine import Examined, alone, mode_name
 from service.failures.kinds import kind_of
 from service.failures.objects import Failure, Mode
 from service.failures.rerun import Again
-from service.failures.shares import mode_estimate, share_interval
+from service.failures.shares import (
+    mode_estimate,
+    replicated_p,
+    replicated_parts,
+    replicated_share,
+    share_interval,
+)
 from service.failures.typical import typical
 from service.scenario.base import PER_VEHICLE
 
@@ -49,14 +55,12 @@ def failure_told(events: Events, i: int, again: Again, rank: int, mode: str | No
 def modes_told(examined: Examined, modes: dict[int, str], rank: dict[int, int]) -> list[Mode]:
     """The modes of the sample, the largest share first; rank: of each position in the order asked for."""
     events, sample = examined.events, examined.sample
-    estimate = events.record.estimate
     names = np.array([modes[i] for i in sample.tolist()])
     found = []
     for mode in sorted(set(names.tolist())):
         member = names == mode
         mine, weight = sample[member], events.weight[sample[member]]
-        worth = estimate.ess if isinstance(estimate, ce.ReplicatedEstimate) else None
-        share, low, high = share_interval(member, events.share[sample], estimate.confidence, worth)
+        share, low, high = mode_share(examined, member)
         p, ci = mode_p(examined, member, (share, low, high))
         again = [examined.again[i] for i in mine.tolist()]
         agreeing = np.array([alone(a) == ("other" if mode.startswith("other-") else mode) for a in again])
@@ -78,17 +82,28 @@ def modes_told(examined: Examined, modes: dict[int, str], rank: dict[int, int]) 
     return sorted(found, key=lambda m: (-m.share, m.mode))
 
 
+def mode_share(examined: Examined, member: np.ndarray) -> tuple[float, float, float]:
+    """What part of p the sample's members (n, bool) have, with its interval."""
+    events, sample = examined.events, examined.sample
+    sure = events.record.estimate.confidence
+    if events.replication is None or events.replicated is None:
+        return share_interval(member, events.share[sample], sure)
+    return replicated_share(member, events.share[sample], events.replication[sample], events.replicated, sure)
+
+
 def mode_p(
     examined: Examined, member: np.ndarray, share: tuple[float, float, float]
 ) -> tuple[float, tuple[float, float]]:
     """p of the mode of the sample's members (n, bool), with its interval."""
-    estimate = examined.events.record.estimate
-    if isinstance(
-        estimate, ce.ReplicatedEstimate
-    ):  # its terms are not the events': share times p, ends times ends
-        low, high = estimate.ci
-        return share[0] * estimate.p, (share[1] * low, share[2] * high)
-    part = mode_estimate(estimate, examined.events.rows[examined.sample[member]], known_rows(examined))
+    events, sample = examined.events, examined.sample
+    estimate = events.record.estimate
+    if events.replication is not None and events.replicated is not None:
+        parts = replicated_parts(member, events.share[sample], events.replication[sample], events.replicated)
+        found = replicated_p(parts, estimate.confidence)
+        return found or (0.0, (0.0, share[2] * estimate.ci[1]))
+    if isinstance(estimate, ce.ReplicatedEstimate):  # no event at all
+        return 0.0, (0.0, estimate.ci[1])
+    part = mode_estimate(estimate, events.rows[sample[member]], known_rows(examined))
     low, high = part.ci
     return part.p, (low, min(high, max(estimate.ci[1], part.p)))
 

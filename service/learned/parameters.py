@@ -30,11 +30,13 @@ UNITS = {"sun_elevation_deg": "deg", "sun_azimuth_deg": "deg", "visibility_m": "
 
 @dataclass(frozen=True)
 class Draws:
-    """Weighted draws that stand for P0 given the event. x (n, d); weight (n,); worth: rollouts of equal weight."""
+    """Weighted draws that stand for P0 given the event. x (n, d); weight (n,), summing to one; worth: rollouts of equal
+    weight; replication: of draws that only depend on each other within one."""
 
     x: np.ndarray
     weight: np.ndarray
     worth: float
+    replication: np.ndarray | None = None
 
 
 def draws_of(events: Events) -> Draws | None:
@@ -51,7 +53,7 @@ def draws_of(events: Events) -> Draws | None:
     kish = 1.0 / float(np.sum(weight**2))
     estimate = events.record.estimate
     worth = min(kish, estimate.ess) if isinstance(estimate, ce.ReplicatedEstimate) else kish
-    return Draws(x, weight, worth)
+    return Draws(x, weight, worth, None if events.replication is None else events.replication[at])
 
 
 def search_worth(record: JobRecord) -> tuple[int, float]:
@@ -113,7 +115,8 @@ def _parameter(
     elif draws is not None:
         values = draws.x[:, column]
         after = sample_spread(values, draws.weight)
-        half = _half(_error(values, after.mean, draws), draws.worth, sure)
+        runs = None if draws.replication is None else np.unique(draws.replication).size
+        half = _half(_error(values, after.mean, draws), runs or draws.worth, sure)
     shift = ci = None
     if after is not None and before.sd > 0.0:
         amount = after.mean - before.mean
@@ -141,7 +144,12 @@ def _block(product: ce.Product, column: int) -> ce.Beta | ce.Marginal:
 
 
 def _error(values: np.ndarray, mean: float, draws: Draws) -> float:
-    """Standard error of the weighted mean, not below what the draws are worth."""
+    """Standard error of the weighted mean: over replications where there are any, else not below what the draws are
+    worth."""
+    if draws.replication is not None:
+        parts = np.bincount(draws.replication, draws.weight * (values - mean))
+        runs = np.unique(draws.replication).size
+        return math.sqrt(float(parts @ parts) * runs / (runs - 1.0)) if runs > 1 else math.inf
     n = draws.worth
     if n < 2.0:
         return math.inf

@@ -15,22 +15,22 @@ import ce
 from service.exposure import Exposure
 from service.failures.examine import mode_name
 from service.failures.objects import Failures
+from service.failures.rerun import Rerunner
 from service.job import Job
+from service.learned.learn import learned_of
+from service.learned.objects import Learned
 from service.record import JobRecord
 from service.report import words
 from service.report.dangerous import LookBack, Retold
-from service.report.objects import FORMAT
+from service.report.objects import FORMAT, Report
 from service.risk import POLICE_REPORTED, Baseline, event_of, rate_of
-from service.scenario.base import PER_VEHICLE
+from service.scenario.measures import measure_kind
 from service.summary import Cost, comparisons, json_ready, summary_of, variance_reliable
 from service.thresholds import curve_gammas
 
 FAILURES_LISTED = 20
 PACKAGES = ("tailroad", "libsumo", "numpy", "scipy", "numba", "cvxpy")
 XI_OUTPUTS = ("mean acceleration", "mean turn rate", "log spread of acceleration", "log spread of turn rate")
-TOP_SHIFTS = 8
-LEAST_SHIFT_SD = 0.1
-# Warnings under which the estimate's own variance, and so its efficiency, says nothing.
 
 
 def facts_of(
@@ -47,6 +47,8 @@ def facts_of(
     gammas = curve_gammas(records)
     jobs = [_job(r, against_naive.get(r.job.id), gammas) for r in records]
     first = records[0].job
+    kind = measure_kind(first.scenario.safety.measure)
+    learned = {r.job.id: seen.learned.get(r.job.id) or starts_learned(r) for r in records}
     headline = _headline(jobs)
     facts = {
         "format": FORMAT,
@@ -63,6 +65,8 @@ def facts_of(
             "ego": first.ego,
             "gamma": first.gamma,
             "measure": first.scenario.safety.measure,
+            "measure_words": kind.words.rstrip(","),
+            "unit": kind.unit,
             "horizon_s": first.scenario.time.horizon_s,
             "step_s": first.scenario.time.step_s,
             "vehicles": len(first.scenario.vehicles),
@@ -74,13 +78,15 @@ def facts_of(
         },
         "jobs": jobs,
         "risk": _risk(headline, first, seen.exposure, baseline),
-        "learned": {job: msgspec.to_builtins(found) for job, found in seen.learned.items()},
+        "learned": {job: msgspec.to_builtins(found) for job, found in learned.items()},
         "failure_modes": _failure_modes(seen.failures),
         "dangerous": [_dangerous(r) for r in seen.retold],
         "commands": words.commands([r.job for r in records]),
         "versions": _versions(first.tailroad),
     }
-    return json_ready(facts)
+    facts = json_ready(facts)
+    msgspec.convert(facts, Report)  # what is written is what the published schema says
+    return facts
 
 
 def _risk(
@@ -140,34 +146,22 @@ def _job(record: JobRecord, against_naive: dict[str, Any] | None, gammas: np.nda
             "total": len(record.errors),
             "listed": [asdict(f) | {"noise": str(f.noise)} for f in record.failures(FAILURES_LISTED)],
         },
-        "learned": _learned(record),
+        "driver_shift": _driver_shift(record),
     }
 
 
-def _learned(record: JobRecord) -> dict[str, Any] | None:
-    """How the proposal differs from the base: shifts in the base's standard deviations."""
+def starts_learned(record: JobRecord) -> Learned:
+    """What a job's search learned of the starts, for which no rollout need be run again."""
+    with Rerunner(record.job) as nobody:
+        return learned_of(record.job.id, record, nobody, 0)
+
+
+def _driver_shift(record: JobRecord) -> dict[str, Any] | None:
+    """How far the parametric proposal is from the base; None for methods that have none."""
     proposal = record.proposal
-    if proposal is None:
+    if record.job.method != "ce" or proposal is None:
         return None
     base = record.problem.base
-    starts: list[dict[str, Any]] = []
-    for i, vehicle in enumerate(record.job.scenario.vehicles):
-        for j, parameter in enumerate(PER_VEHICLE):
-            before, after = base.blocks[4 * i + j], proposal.blocks[4 * i + j]
-            assert not isinstance(before, ce.Normal)
-            assert not isinstance(after, ce.Normal)
-            (mean, deviation), (moved, _) = _moments(before), _moments(after)
-            amount = moved - mean
-            starts.append(
-                {
-                    "vehicle": vehicle.name,
-                    "parameter": parameter,
-                    "shift": amount,
-                    "shift_sd": amount / deviation,
-                    "said": words.shift(vehicle.name, parameter, amount),
-                }
-            )
-    starts.sort(key=lambda s: -abs(s["shift_sd"]))
     outputs = []
     shifts = xi_shifts_sd(record, proposal)
     for k, name in enumerate(XI_OUTPUTS):
@@ -181,10 +175,8 @@ def _learned(record: JobRecord) -> dict[str, Any] | None:
             }
         )
     return {
-        "starts": starts,
-        "largest": [s for s in starts[:TOP_SHIFTS] if abs(s["shift_sd"]) >= LEAST_SHIFT_SD],
-        "drivers": outputs,
-        "drivers_distance_sd": math.sqrt(2.0 * max(proposal.normals[0][1].kl(base.normals[0][1]), 0.0)),
+        "outputs": outputs,
+        "distance_sd": math.sqrt(2.0 * max(proposal.normals[0][1].kl(base.normals[0][1]), 0.0)),
         "kl_nats": proposal.kl(base),
     }
 
@@ -193,19 +185,6 @@ def xi_shifts_sd(record: JobRecord, proposal: ce.Product) -> np.ndarray:
     """Shift of the mean of each driver weight, (404,), in its standard deviations under the base."""
     base = record.problem.base.normals[0][1]
     return (proposal.normals[0][1].mean - base.mean) / np.sqrt(np.diagonal(base.cov))
-
-
-def _moments(block: Any) -> tuple[float, float]:
-    """Mean and standard deviation of a one-dimensional block."""
-    if isinstance(block, ce.Beta):
-        total = block.alpha + block.beta
-        width = block.high - block.low
-        deviation = width * math.sqrt(block.alpha * block.beta / (total + 1.0)) / total
-        return block.low + width * block.alpha / total, deviation
-    nodes, weights = np.polynomial.hermite_e.hermegauss(96)  # x = T(u), u ~ N(shift, 1)
-    values, weights = block.from_standard(nodes + block.shift), weights / weights.sum()
-    mean = float(weights @ values)
-    return mean, math.sqrt(float(weights @ (values - mean) ** 2))
 
 
 def _headline(jobs: Sequence[dict[str, Any]]) -> dict[str, Any]:

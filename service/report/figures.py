@@ -47,15 +47,17 @@ def search_pictures(job: Facts) -> list[Picture]:
     return [thresholds(job), weights(job)] if job["training"] else []
 
 
-def learned_pictures(record: JobRecord) -> list[Picture]:
-    """What a job's search learned."""
-    if record.proposal is None:
-        return []
+def learned_pictures(record: JobRecord, learned: Facts) -> list[Picture]:
+    """What a job's search learned: densities where there is a proposal, else the spread of the dangerous rollouts."""
     proposal = record.proposal
-    return [
-        *(marginals(record, proposal, j) for j in range(len(PER_VEHICLE))),
-        driver_shifts(record, proposal),
-    ]
+    if learned["source"] == "proposal" and proposal is not None:
+        return [
+            *(marginals(record, proposal, j) for j in range(len(PER_VEHICLE))),
+            driver_shifts(record, proposal),
+        ]
+    if learned["source"] == "none":
+        return []
+    return [spreads(record, learned, j) for j in range(len(PER_VEHICLE))]
 
 
 def estimate_against_rollouts(jobs: Sequence[Facts]) -> Picture:
@@ -331,6 +333,45 @@ def marginals(record: JobRecord, proposal: ce.Product, parameter: int) -> Pictur
             + ", ".join(shifts)
             + ".",
             "Grey: base distribution P0. Line: the proposal that the estimate is drawn from.",
+        )
+
+
+def spreads(record: JobRecord, learned: Facts, parameter: int) -> Picture:
+    """Quantiles of one start under P0 and in the dangerous rollouts, a row a vehicle."""
+    vehicles = record.job.scenario.vehicles
+    name, unit = PARAMETER_NAMES[PER_VEHICLE[parameter]]
+    mine = [
+        p for p in learned["parameters"] if p["name"].endswith(f".{PER_VEHICLE[parameter]}") and p["vehicle"]
+    ]
+    colour = ink.colour(record.job.method)
+    said = []
+    with ink.figure(0.75 + 0.33 * len(vehicles)) as drawn:
+        axes = drawn.add_subplot()
+        for i, (vehicle, told) in enumerate(zip(vehicles, mine, strict=True)):
+            row = len(vehicles) - 1 - i
+            for spread, up, shade in ((told["base"], 0.17, ink.BASE), (told["proposal"], -0.17, colour)):
+                axes.plot([spread["q05"], spread["q95"]], [row + up] * 2, color=shade, linewidth=1.2)
+                axes.plot(
+                    [spread["q25"], spread["q75"]], [row + up] * 2, color=shade, linewidth=4.5, alpha=0.8
+                )
+                axes.plot(spread["q50"], row + up, "o", color="white", markeredgecolor=shade, markersize=4)
+            shift = told["proposal"]["mean"] - told["base"]["mean"]
+            said.append(f"{vehicle.name} {shift:+.2g}")
+        axes.set_yticks(
+            np.arange(len(vehicles))[::-1], [ink.name_of(v.name, v.role == "ego") for v in vehicles]
+        )
+        axes.tick_params(axis="y", length=0)
+        axes.spines["left"].set_visible(False)
+        axes.set_ylim(-0.6, len(vehicles) - 0.4)
+        axes.set_xlabel(f"{name}, {unit}")
+        return ink.picture(
+            drawn,
+            f"Start: {name}",
+            f"Spread of {name} under P0 and in the dangerous rollouts for each vehicle; means differ, in {unit}: "
+            + ", ".join(said)
+            + ".",
+            "Above, grey: base distribution P0. Below: the dangerous rollouts. Thin: 5% to 95%, thick: middle half, "
+            "circle: median.",
         )
 
 

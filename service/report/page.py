@@ -14,6 +14,7 @@ from service.record import JobRecord
 from service.report import drawings, figures, ink
 from service.report.dangerous import LookBack
 from service.report.ink import Picture
+from service.report.replays import player, player_hash, replay_json
 
 FOLDER = Path(__file__).parent
 SECTIONS = {  # a template each, in this order, with its title in the list of sections; the first is the page's head
@@ -21,6 +22,7 @@ SECTIONS = {  # a template each, in this order, with its title in the list of se
     "comparison": "Methods compared",
     "estimates": "Estimates",
     "search": "The search",
+    "learned": "What it learned",
     "modes": "How it fails",
     "dangerous": "Dangerous rollouts",
     "failures": "Failed rollouts",
@@ -39,7 +41,15 @@ def page_of(facts: dict[str, Any], records: Sequence[JobRecord], seen: LookBack)
         pictures=Pictures(facts, records, seen),
         scenario_json=msgspec.json.format(msgspec.json.encode(facts["scenario"]["file"])).decode(),
         colours={"ego": ink.EGO, "threat": ink.THREAT, "other": ink.OTHER},
+        **_scripts(seen),
     )
+
+
+def _scripts(seen: LookBack) -> dict[str, str]:
+    """The player, where there is something to play."""
+    if not any(retold.trace is not None for retold in seen.retold):
+        return {}
+    return {"player": player(), "player_hash": player_hash()}
 
 
 def render(template: str, **values: Any) -> str:
@@ -61,6 +71,7 @@ def render(template: str, **values: Any) -> str:
         "colour": ink.colour,
         "exact": _exact,
     }
+    values = {"player": "", "player_hash": ""} | values
     style = Markup((FOLDER / "style.css").read_text(encoding="utf-8"))
     return environment.get_template(template).render(style=style, **values)
 
@@ -86,12 +97,16 @@ class Pictures:
         return figures.search_pictures(job)
 
     def learned(self, job: dict[str, Any]) -> list[Picture]:
-        return figures.learned_pictures(self._records[job["id"]])
+        return figures.learned_pictures(self._records[job["id"]], self._facts["learned"][job["id"]])
 
     @cached_property
-    def dangerous(self) -> list[tuple[dict[str, Any], Picture | None]]:
-        """The facts' dangerous rollouts, each with its picture."""
+    def dangerous(self) -> list[tuple[dict[str, Any], Picture | None, Markup | None]]:
+        """The facts' dangerous rollouts, each with its picture and what the player needs."""
         return [
-            (told, drawings.drawing(r, told, r.record.problem.corridor))
+            (
+                told,
+                drawings.drawing(r, told, r.record.problem.corridor),
+                replay_json(r, r.record.problem.corridor),
+            )
             for r, told in zip(self._retold, self._facts["dangerous"], strict=True)
         ]

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from service.job import Job
+from service.risk import event_of
 from service.scenario import built_in_names, load_scenario
 from service.wording import count, level, one_in, significant
 
@@ -16,18 +17,12 @@ METHOD_NAMES = {
     "auto": "automatic choice",
 }
 BY_METHOD = METHOD_NAMES | {"ce": "the cross-entropy method"}
-ROAD_NAMES = {"i80": "I-80 at Emeryville"}
+ROAD_NAMES = {"i80": "I-80 at Emeryville", "us101": "US-101 in Los Angeles"}
 PARAMETER_NAMES = {
     "station_m": ("position along the road", "m"),
     "lane_offset_m": ("offset from the lane's centre", "m"),
     "heading_deg": ("heading", "deg"),
     "speed_mps": ("speed", "m/s"),
-}
-SHIFTS = {  # a vehicle's start under the proposal against the base: more, less
-    "station_m": ("starts {} m further ahead", "starts {} m further back"),
-    "lane_offset_m": ("starts {} m further left in its lane", "starts {} m further right in its lane"),
-    "heading_deg": ("starts turned {}° more to the left", "starts turned {}° more to the right"),
-    "speed_mps": ("starts {} m/s faster", "starts {} m/s slower"),
 }
 FLAGS = (  # options that `tailroad estimate` has a flag for
     "budget",
@@ -49,8 +44,8 @@ def road_name(job: Job) -> str:
 def question(job: Job) -> str:
     """The question that the run answers."""
     return (
-        f"How probable is it that {job.ego} comes within {job.gamma:g} s time to collision "
-        f"in a drive of {job.scenario.time.horizon_s:g} s at most on {road_name(job)}?"
+        f"How probable is {event_of(job)} for ego {job.ego} in a drive of {job.scenario.time.horizon_s:g} s at most on "
+        f"{road_name(job)}?"
     )
 
 
@@ -107,9 +102,3 @@ def is_built_in(job: Job) -> bool:
     """The job's scenario is one that comes with tailroad, unchanged."""
     name = job.scenario.name
     return name in built_in_names() and load_scenario(name) == job.scenario
-
-
-def shift(vehicle: str, parameter: str, amount: float) -> str:
-    """How a vehicle's start is shifted, in one sentence."""
-    more, less = SHIFTS[parameter]
-    return f"{vehicle} {(more if amount > 0 else less).format(significant(abs(amount), 2))}"
