@@ -72,7 +72,7 @@ def one(a: float, b: float, truth: float, seed: int) -> tuple[float, float, floa
         return None
     inside, mine = share > 0.0, np.array(member)
     _, low, high = replicated_share(mine[inside], share[inside], replication[inside], replicated, 0.95)
-    counted, low_before, high_before = counting(mine, estimate.ess)
+    _, low_before, high_before = counting(mine, estimate.ess)
     return low <= truth <= high, high - low, low_before <= truth <= high_before, high_before - low_before
 
 

@@ -34,13 +34,6 @@ def test_one_heavy_event_makes_the_interval_wide():
     assert high > 0.99
 
 
-def test_events_worth_less_than_they_are_many_have_a_wider_interval():
-    member = np.arange(100) < 50
-    even = share_interval(member, np.ones(100), 0.95)
-    worth = share_interval(member, np.ones(100), 0.95, worth=10.0)
-    assert worth[1] < even[1] < even[2] < worth[2]
-
-
 def test_no_event_says_nothing():
     assert share_interval(np.zeros(0, bool), np.zeros(0), 0.95) == (0.0, 0.0, 1.0)
 
