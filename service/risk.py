@@ -158,7 +158,9 @@ def _said(
 def event_of(job: Job) -> str:
     """The event of a job in words."""
     kind = measure_kind(job.scenario.safety.measure)
-    return f"a {kind.words.rstrip(',')} of at most {job.gamma:g} {kind.unit}".rstrip()
+    words = kind.words.rstrip(",").removeprefix("smallest ")
+    article = "an" if words[0] in "aeiou" or words.startswith("RSS") else "a"
+    return f"{article} {words} of at most {job.gamma:g} {kind.unit}".rstrip()
 
 
 def _assumptions(exposure: Exposure, event: str, baseline: Baseline) -> tuple[str, ...]:

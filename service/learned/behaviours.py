@@ -33,9 +33,9 @@ class Kind:
 
 
 KINDS = (
-    Kind("lane_changes", "lane changes", "a vehicle-km", "lane_changes", "km", True,
+    Kind("lane_changes", "lane changes", "per vehicle-km", "lane_changes", "km", True,
          ("the drivers change lanes more often", "the drivers change lanes less often")),
-    Kind("hard_brakes", f"brakings of {HARD_BRAKE_MPS2:g} m/s² and harder", "a vehicle-km", "hard_brakes", "km", True,
+    Kind("hard_brakes", f"brakings of {HARD_BRAKE_MPS2:g} m/s² and harder", "per vehicle-km", "hard_brakes", "km", True,
          ("the drivers brake hard more often", "the drivers brake hard less often")),
     Kind("close_following", f"time within {CLOSE_S:g} s behind another", "% of driving", "close", "states", False,
          ("the drivers follow closely for longer", "the drivers follow closely for less time"), 100.0),

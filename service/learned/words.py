@@ -43,10 +43,5 @@ def rate_sentence(says: tuple[str, str], unit: str, base: Rate, proposal: Rate) 
     """How a behaviour differs; says: the words for more and for less."""
     assert base.value is not None
     assert proposal.value is not None
-    more, less = says
-    times = ""
-    if base.value > 0.0 and proposal.value > 0.0:
-        ratio = max(proposal.value, base.value) / min(proposal.value, base.value)
-        times = f" {significant(ratio, 2)} times as {'much' if proposal.value > base.value else 'little'}:"
-    said = more if proposal.value > base.value else less
-    return f"{said}:{times} {significant(proposal.value, 2)} instead of {significant(base.value, 2)} {unit}"
+    said = says[0] if proposal.value > base.value else says[1]
+    return f"{said} ({significant(proposal.value)} instead of {significant(base.value)} {unit})"

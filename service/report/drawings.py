@@ -1,4 +1,4 @@
-"""A dangerous rollout as a picture: the road from above, a close-up, the time to collision and the speeds."""
+"""A dangerous rollout as a picture: the road from above, a close-up, the safety measure and the speeds."""
 
 import math
 from typing import Any
@@ -11,6 +11,7 @@ from service import agents as A
 from service.report import ink
 from service.report.dangerous import Retold
 from service.report.ink import Picture
+from service.scenario.measures import measure_kind
 from service.trace import Trace
 from service.wording import significant
 from sumo_nets.corridor import Corridor
@@ -18,32 +19,34 @@ from sumo_nets.corridor import Corridor
 WHOLE_S = 20.0  # a longer rollout is drawn around its smallest time to collision only
 BEFORE_S, AFTER_S = 12.0, 4.0
 CLOSE_UP_M = (22.0, 5.6)  # half the close-up's length and width
-GREATEST_TTC_S = 30.0
+GREATEST_S = 30.0
 
 
 def drawing(retold: Retold, facts: dict[str, Any], corridor: Corridor) -> Picture | None:
     """The picture of a rollout; None where it could not be run again."""
     trace = retold.trace
-    if trace is None or not trace.ttc_s.size:
+    if trace is None or not trace.measured.size:
         return None
-    k = int(np.argmin(trace.ttc_s))
+    k = int(np.argmin(np.where(np.isnan(trace.measured), np.inf, trace.measured)))
+    kind = measure_kind(trace.measure)
     shown = _window(trace.time_s, k)
-    gamma, f = retold.record.job.gamma, retold.failure.f
+    gamma, f = retold.record.estimate.gamma, retold.failure.f
     with ink.figure(6.3) as drawn:
-        over, close, ttc, speed = drawn.subplots(
+        over, close, measured, speed = drawn.subplots(
             4, 1, gridspec_kw={"height_ratios": [1.7, 1.25, 1.0, 1.0]}, squeeze=True
         )
         _overview(over, trace, retold.threat, corridor, k, shown)
         _close_up(close, trace, retold.threat, corridor, k)
-        _ttc(ttc, trace, gamma, k, shown)
+        _measured(measured, trace, gamma, k, shown)
         _speeds(speed, trace, retold.threat, k, shown)
-        ttc.sharex(speed)
-        title = f"Rank {facts['rank']}: {facts['mode_name']}; f = {significant(f)} s"
+        measured.sharex(speed)
+        title = f"Rank {facts['rank']}: {facts['mode_name']}; f = {significant(f)} {kind.unit}".rstrip()
         with_whom = f" to {facts['other']}" if facts["other"] else ""
         return ink.picture(
             drawn,
             title,
-            f"Rollout {facts['row']}: the smallest time to collision, {significant(trace.rollout.f)} s{with_whom}, "
+            f"Rollout {facts['row']}: the {kind.words.rstrip(',')}, {significant(trace.rollout.f)} {kind.unit}"
+            f"{with_whom}, "
             f"comes {facts['worst_at_s']:.1f} s after the start; the rollout ends with {facts['outcome']} after "
             f"{trace.time_s[-1]:.1f} s.",
             "",
@@ -112,7 +115,7 @@ def _overview(
     top = max(float(np.nanmax(corridor.road_left[at])), float(np.nanmax(offset))) + 2.0
     axes.set_ylim(bottom, top)
     axes.set_ylabel("offset, m")
-    axes.set_title("Paths, stretched; vehicles at the smallest time to collision")
+    axes.set_title("Paths, stretched; vehicles at the worst moment")
     axes.grid(False)
 
 
@@ -149,26 +152,32 @@ def _close_up(axes: Axes, trace: Trace, threat: int | None, corridor: Corridor, 
     axes.grid(False)
 
 
-def _ttc(axes: Axes, trace: Trace, gamma: float, k: int, shown: np.ndarray) -> None:
-    ttc = np.where(trace.ttc_s[shown] <= GREATEST_TTC_S, trace.ttc_s[shown], np.nan)
-    axes.plot(trace.time_s[shown], ttc, color=ink.EGO, linewidth=1.3)
-    axes.plot(trace.time_s[k], trace.ttc_s[k], "o", color=ink.EGO, markersize=4)
+def _measured(axes: Axes, trace: Trace, gamma: float, k: int, shown: np.ndarray) -> None:
+    """The safety measure over time; seconds to come on a logarithmic axis."""
+    name, unit = trace.measure.partition(":")[0], measure_kind(trace.measure).unit
+    seconds = unit == "s"
+    values = np.where(np.isfinite(trace.measured[shown]), trace.measured[shown], np.nan)
+    if seconds:
+        values = np.where(values <= GREATEST_S, values, np.nan)
+    axes.plot(trace.time_s[shown], values, color=ink.EGO, linewidth=1.3)
+    axes.plot(trace.time_s[k], trace.measured[k], "o", color=ink.EGO, markersize=4)
     axes.axhline(gamma, color=ink.BASE, linewidth=1.0, linestyle="--")
-    positive = ttc[np.nan_to_num(ttc) > 0]
-    axes.set_ylim(0.6 * min(float(positive.min(initial=gamma)), abs(gamma) or 1.0), GREATEST_TTC_S)
-    if gamma > 0:
-        ink.log_axis(axes, "y", lambda v: f"{v:g}")
+    if seconds:
+        positive = values[np.nan_to_num(values) > 0]
+        axes.set_ylim(0.6 * min(float(positive.min(initial=gamma)), abs(gamma) or 1.0), GREATEST_S)
+        if gamma > 0:
+            ink.log_axis(axes, "y", lambda v: f"{v:g}")
     axes.text(
         0.995,
         gamma,
-        f"γ = {gamma:g} s",
+        f"γ = {gamma:g} {unit}".rstrip(),
         color=ink.BASE,
         fontsize=8,
         ha="right",
         va="bottom",
         transform=axes.get_yaxis_transform(),
     )
-    axes.set_ylabel("time to\ncollision, s")
+    axes.set_ylabel("time to\ncollision, s" if name == "ttc" else f"{name}, {unit}" if unit else name)
     axes.tick_params(labelbottom=False)
 
 

@@ -112,6 +112,7 @@ def _job(record: JobRecord, against_naive: dict[str, Any] | None, gammas: np.nda
     return summary | {
         "id": job.id,
         "method_name": words.METHOD_NAMES.get(job.method, job.method),
+        "method_used": estimate.method,
         "by_method": words.BY_METHOD.get(job.method, job.method),
         "answer": headline,
         "answer_interval": interval,

@@ -12,6 +12,7 @@ from service.report.facts import XI_OUTPUTS, xi_shifts_sd
 from service.report.ink import Picture
 from service.report.words import METHOD_NAMES, PARAMETER_NAMES
 from service.scenario.base import PER_VEHICLE
+from service.scenario.measures import measure_kind
 from service.wording import count, percent, significant
 
 Facts = dict[str, Any]
@@ -22,6 +23,12 @@ GRID = 120
 
 def _name(method: str) -> str:
     return METHOD_NAMES.get(method, method)
+
+
+def measure_words(measure: str) -> str:
+    """A safety measure as an axis names it, with its unit."""
+    kind = measure_kind(measure)
+    return f"{kind.words.rstrip(',')}{', ' if kind.unit else ''}{kind.unit}"
 
 
 def _array(values: Sequence[float | None]) -> np.ndarray:
@@ -94,6 +101,8 @@ def estimate_against_rollouts(jobs: Sequence[Facts]) -> Picture:
                 n, np.maximum(low, floor), high, color=style["color"], alpha=ink.BAND, linewidth=0
             )
             axes.plot(n, np.where(p > 0, p, np.nan) if logarithmic else p, label=_name(method), **style)
+            if n.size == 1:  # of replications, which have no running estimate
+                axes.vlines(n, np.maximum(low, floor), high, color=style["color"], linewidth=2.0)
             axes.plot(n[-1:], p[-1:], ink.MARKERS.get(method, "D"), color=style["color"], markersize=5)
             said.append(
                 f"{_name(method)} ends at {significant(job['p'])} "
@@ -139,28 +148,29 @@ def p_against_gamma(facts: Facts, jobs: Sequence[Facts]) -> Picture:
         axes.axvline(gamma, color=ink.BASE, linewidth=1.0)
         axes.set_xlim(*jobs[0]["curve"]["gamma"][:: len(jobs[0]["curve"]["gamma"]) - 1])
         axes.text(
-            gamma, 1.0, f" γ = {gamma:g} s", color=ink.BASE, va="bottom", transform=axes.get_xaxis_transform()
+            gamma, 1.0, f" γ = {gamma:g}", color=ink.BASE, va="bottom", transform=axes.get_xaxis_transform()
         )
         axes.set_ylim(bottom, 1.2)
         ink.log_axis(axes, "y")
         if gamma > 0:
             ink.log_axis(axes, "x", lambda v: f"{v:g}")
-        axes.set_xlabel("threshold γ on the smallest time to collision, s")
+        axes.set_xlabel(f"threshold γ on f: {measure_words(facts['scenario']['measure'])}")
         axes.set_ylabel("probability of f ≤ γ")
         axes.legend(loc="lower right")
         return ink.picture(
             drawn,
             "The same question for other thresholds",
-            f"Probability that f is at most gamma, for gamma from {x[0]:.3g} s to {x[-1]:.3g} s, with intervals, for "
+            f"Probability that f is at most gamma, for gamma from {x[0]:.3g} to {x[-1]:.3g}, with intervals, for "
             + " and ".join(_name(job["method"]) for job in jobs)
             + ".",
             "Each curve is from the same rollouts as the estimate; bands are intervals at each threshold by itself. A "
-            f"search aims at γ = {gamma:g} s, so its curve is widest, and least to be relied on, far from there. "
+            f"search aims at γ = {gamma:g}, so its curve is widest, and least to be relied on, far from there. "
             "Values below the axis are not shown.",
         )
 
 
 def values_of_f(records: Sequence[JobRecord]) -> Picture:
+    measure = measure_words(records[0].job.scenario.safety.measure)
     gamma = records[0].job.gamma
     said = []
     with ink.figure(3.3) as drawn:
@@ -172,6 +182,8 @@ def values_of_f(records: Sequence[JobRecord]) -> Picture:
             at = np.unique(np.geomspace(1, f.size, 400).round().astype(int))
             method = record.job.method
             source = "proposal" if record.estimate.log_weights is not None else "P0"
+            if isinstance(record.estimate, ce.ReplicatedEstimate):
+                source = "chains"
             axes.step(
                 f[at - 1], at / n, where="post", label=f"{_name(method)} ({source})", **ink.line(method)
             )
@@ -181,14 +193,14 @@ def values_of_f(records: Sequence[JobRecord]) -> Picture:
             said.append(f"{_name(method)} met the event in {percent(events)} of its rollouts")
         axes.axvline(gamma, color=ink.BASE, linewidth=1.0)
         axes.text(
-            gamma, 1.0, f" γ = {gamma:g} s", color=ink.BASE, va="bottom", transform=axes.get_xaxis_transform()
+            gamma, 1.0, f" γ = {gamma:g}", color=ink.BASE, va="bottom", transform=axes.get_xaxis_transform()
         )
         axes.set_xlim(lowest if lowest > 0 else None, max(highest, lowest * 1.5))
         axes.set_ylim(fewest, 1.2)
         if lowest > 0:
             ink.log_axis(axes, "x", lambda v: f"{v:g}")
         ink.log_axis(axes, "y", lambda v: percent(v, 1))
-        axes.set_xlabel("smallest time to collision f of a rollout, s")
+        axes.set_xlabel(f"f of a rollout: {measure}")
         axes.set_ylabel("rollouts with f at most this")
         axes.legend(loc="lower right")
         return ink.picture(
@@ -254,18 +266,18 @@ def thresholds(job: Facts) -> Picture:
         axes.plot(
             k, quantile, ":", color=colour, marker="v", markersize=4, label="ρ-quantile of f", linewidth=1.2
         )
-        axes.axhline(gamma, color=ink.BASE, linewidth=1.0, label=f"γ = {gamma:g} s, the event")
+        axes.axhline(gamma, color=ink.BASE, linewidth=1.0, label=f"γ = {gamma:g}, the event")
         axes.margins(y=0.1)
         axes.set_ylim(bottom=0.0 if min(gamma, np.min(quantile)) >= 0 else None)
         _iterations(axes, k)
-        axes.set_ylabel("smallest time to collision, s")
+        axes.set_ylabel(measure_words(job["measure"]))
         axes.legend(loc="best")
         last = significant(float(quantile[-1]))
         return ink.picture(
             drawn,
             "The search's threshold by iteration",
-            f"gamma_k and the quantile of f by iteration: the quantile goes from {significant(float(quantile[0]))} s "
-            f"to {last} s; gamma is {gamma:g} s.",
+            f"gamma_k and the quantile of f by iteration: the quantile goes from {significant(float(quantile[0]))} "
+            f"to {last}; gamma is {gamma:g}.",
             "The search has reached the event where the quantile is at or below γ.",
         )
 

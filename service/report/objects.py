@@ -177,10 +177,11 @@ class DriverShift(_Fact, frozen=True):
 
 
 class JobFacts(_Fact, frozen=True):
-    """A job of the run: what was asked, what it came to, what it cost."""
+    """A job of the run: what was asked, what it came to, what it cost. method_used: what "auto" has come to."""
 
     id: str
     method: str
+    method_used: str
     method_name: str
     by_method: str
     scenario: str

@@ -19,7 +19,7 @@ from service.report.replays import player, player_hash, replay_json
 FOLDER = Path(__file__).parent
 SECTIONS = {  # a template each, in this order, with its title in the list of sections; the first is the page's head
     "answer": "",
-    "comparison": "Methods compared",
+    "comparison": "In numbers",
     "estimates": "Estimates",
     "search": "The search",
     "learned": "What it learned",

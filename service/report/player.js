@@ -1,7 +1,7 @@
 // Plays the rollouts that the page holds as JSON: the road from above around the ego, the measure over time, play and scrub.
 "use strict";
 (function () {
-  const BEHIND_M = 40, AHEAD_M = 50, BEFORE_S = 4;
+  const BEHIND_M = 24, AHEAD_M = 32, BEFORE_S = 4;
 
   function ink(name) { return getComputedStyle(document.documentElement).getPropertyValue(name).trim(); }
 
@@ -26,7 +26,7 @@
     const offsets = d.road.flatMap(l => l.offset_m).filter(v => v !== null);
     const left = Math.max(...offsets) + 1.5, right = Math.min(...offsets) - 1.5;
     const narrow = canvas.clientWidth < 480;
-    const behind = narrow ? 18 : BEHIND_M, ahead = narrow ? 26 : AHEAD_M;
+    const behind = narrow ? 16 : BEHIND_M, ahead = narrow ? 20 : AHEAD_M;
     const unit = canvas.clientWidth / (behind + ahead);
     const [g, width, height] = prepared(canvas, Math.max((left - right) * unit, 90));
     const start = ego.station_m[k] - behind;
@@ -69,7 +69,8 @@
         g.fillStyle = ink("--road-text");
         g.textAlign = "center";
         const name = t.name.length > 12 ? t.name.slice(0, 11) + "…" : t.name;
-        g.fillText(name + "  " + t.speed_mps[k].toFixed(0) + " m/s", x(t.station_m[k]), y(t.offset_m[k]) + w / 2 + 11);
+        const tall = y(t.offset_m[k]) + w / 2 + 11;
+        g.fillText(name + "  " + t.speed_mps[k].toFixed(0) + " m/s", x(t.station_m[k]), Math.min(tall, height - 3));
       }
     }
   }

@@ -1,6 +1,8 @@
+import base64
 import contextlib
 import dataclasses
 import functools
+import hashlib
 import json
 import re
 from datetime import UTC, datetime
@@ -17,11 +19,13 @@ from policies.layout import HEAD_SIZE, HIDDEN_1, HIDDEN_2, OBSERVATION_SIZE
 from service import wording
 from service.errors import StoreError
 from service.evaluate import evaluate
+from service.failures.playback import Playback
 from service.job import Job, Problem, make_job
 from service.record import replay
 from service.report import figures, words, write_report
 from service.report.dangerous import LookBack
 from service.report.facts import facts_of
+from service.report.objects import Report
 from service.scenario import Scenario, load_scenario
 from service.store import FAILED, Chunk, RunDirectory
 
@@ -63,7 +67,7 @@ class Page(HTMLParser):
         assert self.open.pop() == tag, f"</{tag}> does not close what is open"
 
     def handle_data(self, data):
-        if not self.open or self.open[-1] != "style":
+        if not self.open or self.open[-1] not in ("style", "script"):
             self.text.append(data)
 
     def all(self, tag: str) -> list[dict[str, str | None]]:
@@ -216,7 +220,7 @@ def test_the_page_is_accessible(run):
     assert page.all("html")[0]["lang"] == "en"
     assert {"header", "main", "nav", "footer"} <= {tag for tag, _ in page.tags}
     pictures = page.all("img")
-    assert len(pictures) == 11  # four of the run, two of the search, five of what it learned
+    assert len(pictures) == 15  # four of the run, two of the search, five and four of what was learned
     assert all(len(picture["alt"] or "") > 30 for picture in pictures)
     assert all(th.get("scope") in ("row", "col") for th in page.all("th"))
     ids = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
@@ -342,17 +346,72 @@ def test_probabilities_in_words():
     assert wording.duration(7322) == "2 h 2 min"
 
 
-def test_real_rollouts_are_run_again_and_drawn(scenario, tmp_path):
-    """With SUMO: f of each rollout comes out as recorded, except of the one whose record is wrong."""
-    job = make_job(scenario, "idm", 50.0, "naive", 1, {"budget": 3, "batch_size": 3})
-    with RunDirectory.create(tmp_path / "real", (job,)) as store:
+def test_what_is_written_is_what_the_schema_says(run):
+    _, _, _, facts = run
+    told = msgspec.convert(facts, Report)
+    assert msgspec.to_builtins(told) == facts
+    assert told.learned["naive"].source == "dangerous rollouts"
+    assert told.learned["ce"].source == "proposal"
+
+
+def test_what_was_learned_is_said(run):
+    _, _, page, facts = run
+    for learned in facts["learned"].values():
+        assert any("the ego starts" in sentence for sentence in learned["summary"])
+        for sentence in learned["summary"]:
+            assert sentence[1:] in page.words
+
+
+@pytest.fixture(scope="module")
+def real(scenario, tmp_path_factory):
+    """Three real rollouts, run again with SUMO and drawn: the report's page and its facts."""
+    named = [
+        msgspec.structs.replace(v, name="</script><b>" if i == 1 else v.name)
+        for i, v in enumerate(scenario.vehicles)
+    ]
+    hostile = msgspec.structs.replace(scenario, vehicles=tuple(named))
+    job = make_job(hostile, "idm", 50.0, "naive", 1, {"budget": 3, "batch_size": 3})
+    with RunDirectory.create(tmp_path_factory.mktemp("real") / "run", (job,)) as store:
         record_three(store, job)
-        page = Page(write_report(store, drawn=3, now=NOW).read_text(encoding="utf-8"))
-    told = json.loads((tmp_path / "real" / "report.json").read_text())["dangerous"]
+        page = write_report(store, drawn=3, now=NOW)
+    return page, json.loads(page.with_suffix(".json").read_text(encoding="utf-8"))
+
+
+def test_real_rollouts_are_run_again_and_drawn(real):
+    """f of each rollout comes out as recorded, except of the one whose record is wrong."""
+    page, told = Page(real[0].read_text(encoding="utf-8")), real[1]["dangerous"]
     assert len(told) == 3
     assert sorted(d["row"] for d in told if not d["same_to_the_bit"]) == [1]
     assert "1 of 3 did not come out the same" in page.words
     assert len([p for p in page.all("img") if "the smallest time to collision" in (p["alt"] or "")]) == 3
+
+
+def test_replays_are_in_the_page_and_no_other_script_may_run(real):
+    html = real[0].read_text(encoding="utf-8")
+    page = Page(html)  # a vehicle's name closes no script
+    data, (player,) = (
+        [(a, body) for a, body in scripts(html) if (a == ' type="application/json"') is kind]
+        for kind in (True, False)
+    )
+    digest = base64.b64encode(hashlib.sha256(player[1].encode()).digest()).decode()
+    assert f"script-src 'sha256-{digest}'" in html
+    assert "default-src 'none'" in html
+    assert (
+        len(data) == len(page.all("div")) - len([d for d in page.all("div") if "data-rollout" not in d]) == 3
+    )
+    for (_, body), told in zip(data, real[1]["dangerous"], strict=True):
+        played = msgspec.json.decode(body, type=Playback)
+        assert played.tracks[1].name == "</script><b>"
+        assert played.measured[played.worst] == pytest.approx(told["f_again"], abs=1e-3)
+    assert len(html) < 3_000_000
+
+
+def scripts(html: str) -> list[tuple[str, str]]:
+    """Attributes (ids left out) and contents of the page's scripts."""
+    return [
+        (re.sub(' id="[^"]*"', "", found[1]), found[2])
+        for found in re.finditer("<script([^>]*)>(.*?)</script>", html, re.S)
+    ]
 
 
 def record_three(store: RunDirectory, job: Job) -> None:

@@ -11,7 +11,7 @@ from service.job import Problem, make_job
 from service.risk import BASELINES, POLICE_REPORTED, Risk, baseline_of, event_of, rate_of
 
 EXPOSURE = Exposure(rollouts=40, km=0.2, km_ci=(0.19, 0.21), hours=0.003, confidence=0.95)
-EVENT = "a smallest time to collision of at most 0.5 s"
+EVENT = "a time to collision of at most 0.5 s"
 
 
 def test_a_rate_is_p_over_the_kilometres_and_holds_the_uncertainty_of_both():
