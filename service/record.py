@@ -11,6 +11,7 @@ import numpy as np
 import ce
 from ce.streams import CHUNK as STREAM_BLOCK
 from service.batches import RecordedBatches
+from service.errors import InputError
 from service.evaluate import evaluate
 from service.job import Job, Problem
 from service.pool import OUTCOME_NAMES
@@ -43,7 +44,8 @@ class JobRecord:
     estimate is made of (a method that switches leaves others behind). event_rows, event_log_likelihood: the estimation
     rollouts with f <= estimate.gamma, and log p0(x) of each, nats; none for methods that move chains instead of drawing
     a fresh sample. explicit: x, noise seed and f of the events and failures of batches that cannot be drawn from
-    parameters alone, by (phase, iteration, row). outcomes: how the recorded rollouts of each phase ended.
+    parameters alone, by (phase, iteration, row); told: these batches. outcomes: how the recorded rollouts of each phase
+    ended.
     """
 
     job: Job
@@ -61,6 +63,7 @@ class JobRecord:
     recorded: int
     worker_s: float
     sim_s: float
+    told: frozenset[BatchKey] = frozenset()
 
     @property
     def planned(self) -> int:
@@ -77,6 +80,11 @@ class JobRecord:
         blocks: dict[tuple[int, int], list[int]] = {}
         for iteration, row in keys:
             if (iteration, row) not in found:
+                if (phase, iteration) in self.told:
+                    raise InputError(
+                        f"rollout {row} of phase {phase}, iteration {iteration} is neither dangerous nor failed: of "
+                        f"method {self.estimate.method} only those are kept so that they can be brought back"
+                    )
                 blocks.setdefault((iteration, row // STREAM_BLOCK), []).append(row)
         for (iteration, _), rows in blocks.items():
             proposal = self.problem.base.with_parameters(self.parameters[phase, iteration])
@@ -116,11 +124,13 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
     rows: dict[int, list[np.ndarray]] = {}
     likelihood: dict[int, list[np.ndarray]] = {}
     explicit: dict[tuple[str, int, int], tuple[np.ndarray, int, float]] = {}
+    explicit_batches: set[BatchKey] = set()
 
     def run_batch(batch: ce.Batch) -> np.ndarray:
         parameters[batch.phase, batch.iteration] = batch.parameters
         f = recorded(batch)
         if batch.explicit:
+            explicit_batches.add((batch.phase, batch.iteration))
             told = np.isnan(f) | (f <= threshold)  # a method that moves chains calls all its batches training
             for i in np.flatnonzero(told).tolist():
                 explicit[batch.phase, batch.iteration, batch.start + i] = (
@@ -175,6 +185,7 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
         recorded=count,
         worker_s=worker_s,
         sim_s=steps * job.scenario.time.step_s,
+        told=frozenset(explicit_batches),
     )
 
 

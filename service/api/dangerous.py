@@ -6,6 +6,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+import ce
 from service.api.background import Background
 from service.api.files import File
 from service.api.limits import Limits
@@ -15,6 +16,7 @@ from service.api.records import Records, State
 from service.api.requests import AskExport, AskFailures, AskRollout
 from service.api.results import finite
 from service.exports import FORMATS, export_bytes
+from service.failures.events import CHAINS
 from service.failures.find import find_failures
 from service.failures.objects import Failures
 from service.failures.play import playback_of
@@ -60,49 +62,54 @@ class DangerousAnswers:
 
         def compute() -> File:
             record = self._records.record(state)
-            iteration, _ = self._recorded(state, record, asked, number)
-            x, noise = record.redraw(asked.phase, iteration, number)
-            title = _title(job, asked.phase, iteration, number)
+            phase, iteration, _ = self._recorded(state, record, asked, number)
+            x, noise = record.redraw(phase, iteration, number)
+            title = _title(job, phase, iteration, number)
             return File(FORMATS[asked.format][0], export_bytes(record.job, x, noise, title, asked.format))
 
         return self._background.get(("export", state, asked, number), compute)
 
     def _recorded(
         self, state: State, record: JobRecord, asked: AskRollout | AskExport, row: int
-    ) -> tuple[int, float]:
-        """The iteration that is meant, and f on record; ApiError where the record has no such rollout."""
-        iteration = asked.iteration
+    ) -> tuple[str, int, float]:
+        """The phase and iteration that are meant, and f on record; ApiError where the record has no such rollout.
+
+        A method that moves chains calls all its batches training; its estimate is made of them.
+        """
+        phase, iteration = asked.phase, asked.iteration
+        if phase == "estimate" and isinstance(record.estimate, ce.ReplicatedEstimate):
+            phase = CHAINS
         if iteration is None:
-            iteration = record.estimate_iteration if asked.phase == "estimate" else 0
-        recorded = self._records.fleet.reader(state[0]).chunks(state[0], asked.phase, iteration, row, row + 1)
-        if not recorded or (asked.phase, iteration) not in record.parameters:
+            iteration = record.estimate_iteration if phase == "estimate" else 0
+        recorded = self._records.fleet.reader(state[0]).chunks(state[0], phase, iteration, row, row + 1)
+        if not recorded or (phase, iteration) not in record.parameters:
             raise ApiError(
                 "not-found",
-                f"the record has no rollout {row} of phase {asked.phase}, iteration {iteration}; "
-                f"{sum(1 for phase, _ in record.parameters if phase == asked.phase)} iterations of it are complete",
+                f"the record has no rollout {row} of phase {phase}, iteration {iteration}; "
+                f"{sum(1 for known, _ in record.parameters if known == phase)} iterations of it are complete",
             )
-        return iteration, float(recorded[0].f[row - recorded[0].start])
+        return phase, iteration, float(recorded[0].f[row - recorded[0].start])
 
     def _rollout(self, state: State, asked: AskRollout, row: int) -> RolloutView:
         job, record = state[0], self._records.record(state)
-        iteration, f = self._recorded(state, record, asked, row)
-        x, noise = record.redraw(asked.phase, iteration, row)
+        phase, iteration, f = self._recorded(state, record, asked, row)
+        x, noise = record.redraw(phase, iteration, row)
         looked_at = asked.trace or asked.playback or asked.camera
         with Rerunner(record.job) as runner:
             (again,) = runner.run([(x, noise)], [0] if looked_at else ())
         same = np.float64(again.f).tobytes() == np.float64(f).tobytes() or (np.isnan(again.f) and np.isnan(f))
-        title = _title(job, asked.phase, iteration, row)
+        title = _title(job, phase, iteration, row)
         trace = again.trace
         return RolloutView(
             job=job,
-            phase=asked.phase,
+            phase=phase,
             iteration=iteration,
             row=row,
             noise_seed=str(noise),
             f=finite(f),
             f_again=finite(float(again.f)),
             same_to_the_bit=bool(same),
-            dangerous=f <= record.job.gamma,
+            dangerous=f <= record.estimate.gamma,
             outcome=again.outcome,
             error=again.error,
             motion=None if again.motion is None else finite(msgspec.to_builtins(again.motion)),

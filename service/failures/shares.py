@@ -38,8 +38,9 @@ def replicated_share(
 
     member, share, replication: of n events, as `Events` has them; replicated: p of each replication. The share is the
     members' part of p summed over replications, over the sum of p; its variance is that of this ratio over the
-    replications, with Student's quantile for as many. Where all replications agree, as when no event or every event is
-    a member, they count as so many independent events.
+    replications, with Student's quantile for as many, and not less than with half a replication more that has met both
+    evenly: few replications of which none has met much of a rare mode would agree too well. Where all replications
+    agree, as when no event or every event is a member, they count as so many independent events.
     """
     if not member.size or replicated.sum() <= 0.0:
         return 0.0, 0.0, 1.0
@@ -48,13 +49,25 @@ def replicated_share(
     found = float(np.clip(parts.sum() / total, 0.0, 1.0))
     if runs < 2:
         return found, 0.0, 1.0
-    left = parts - found * replicated
-    variance = float(np.sum(left**2)) * runs / (runs - 1.0) / total**2
+    variance = max(_ratio_variance(parts, replicated), _ratio_variance(*_doubted(parts, replicated)))
     n = total**2 / float(np.sum(replicated**2))  # replications of equal weight
     if variance > 0.0 and 0.0 < found < 1.0:
         student = float(ndtri(0.5 + 0.5 * confidence) / stdtrit(runs - 1, 0.5 + 0.5 * confidence))
         n = min(found * (1.0 - found) / variance * student**2, 1.0 / float(np.sum(share**2)))
     return (found, *_korn_graubard(found, max(n, 1.0), confidence))
+
+
+def _ratio_variance(parts: np.ndarray, replicated: np.ndarray) -> float:
+    """Linearised, of the ratio of their sums over independent replications."""
+    runs, total = replicated.size, float(replicated.sum())
+    left = parts - float(parts.sum()) / total * replicated
+    return float(np.sum(left**2)) * runs / (runs - 1.0) / total**2
+
+
+def _doubted(parts: np.ndarray, replicated: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """With half a replication more, of the mean p, half of which are members'."""
+    more = 0.5 * float(replicated.mean())
+    return np.append(parts, 0.5 * more), np.append(replicated, more)
 
 
 def replicated_parts(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import ce
+from service.errors import InputError
 from service.evaluate import evaluate
 from service.failures.find import find_failures
 from service.failures.rerun import Again, Rerunner
@@ -82,3 +83,7 @@ def test_failures_of_every_method_are_those_it_met(record):
         assert len({f.weight for f in failures.failures}) > 10
     if record.job.method == "splitting":
         assert any("Markov chains" in note for note in failures.notes)
+        assert sum(f.share for f in failures.failures) <= 1.0 + 1e-9
+        harmless = next(k for k in record.told if ("train", k[1], 0) not in record.explicit)
+        with pytest.raises(InputError, match="neither dangerous nor failed"):
+            record.redraw("train", harmless[1], 0)
