@@ -76,7 +76,8 @@ class DangerousAnswers:
 
         A method that moves chains calls all its batches training; its estimate is made of them.
         """
-        phase, iteration = asked.phase, asked.iteration
+        phase: str = asked.phase
+        iteration = asked.iteration
         if phase == "estimate" and isinstance(record.estimate, ce.ReplicatedEstimate):
             phase = CHAINS
         if iteration is None:
