@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ from service.api.limits import Limits
 from service.api.server import Api
 from service.client import Client
 from service.fleet.policy import Policy
-from tests.service.fleet.light import LightFleet, LightWorker, light_fleet
+from tests.service.fleet.light import LIMIT_S, LightFleet, LightWorker, light_fleet
 
 LIMITS = Limits(requests_per_s=1e6, submissions_per_s=1e6)
 ANSWER_S = 60.0
@@ -60,7 +61,12 @@ class Service:
     port: int
 
     def worker(self, name: str = "w1") -> LightWorker:
-        return LightWorker(self.port, name)
+        """One that the service knows when this returns."""
+        worker = LightWorker(self.port, name)
+        deadline = time.monotonic() + LIMIT_S
+        while name not in {known.id for known in self.light.fleet.workers()}:  # each look waits for the hub
+            assert time.monotonic() < deadline
+        return worker
 
 
 def open_service(folder: Path, limits: Limits = LIMITS, offered: tuple[str, ...] = ()) -> Iterator[Service]:

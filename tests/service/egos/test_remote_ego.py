@@ -126,9 +126,10 @@ def test_an_ego_that_fails_makes_its_rollouts_recorded_errors_and_the_others_go_
 
 def test_a_late_answer_makes_the_rollout_a_recorded_error(start_service, address, remote, rollouts):
     start_service(BROKEN.format(hows=["late"], address=address))
-    good, late = rollouts(remote("broken", deadline_s=2.0), 2)
+    (good,) = rollouts(remote("broken"), 1)
     assert good.error is None
-    assert late.error == "EgoError: no answer of ego service 'broken' within its deadline of 2 s"
+    (late,) = rollouts(remote("broken", deadline_s=0.5), 1)
+    assert late.error == "EgoError: no answer of ego service 'broken' within its deadline of 0.5 s"
 
 
 class Looking:
@@ -212,10 +213,14 @@ def test_services_of_one_name_share_the_workers(address, remote, scenario, i80):
 
 
 def test_a_missing_service_is_told_before_a_job_begins(scenario, i80, address, monkeypatch):
-    for name, value in EgoSettings(address=address, patience_s=0.2).as_environment().items():
-        monkeypatch.setenv(name, value)
+    def wait(patience_s: float) -> None:
+        for name, value in EgoSettings(address=address, patience_s=patience_s).as_environment().items():
+            monkeypatch.setenv(name, value)
+
+    wait(0.2)
     with pytest.raises(EgoError, match=f"no ego service and no Zenoh router can be reached at {address}"):
         meet_ego("zenoh:nobody", scenario, i80)
+    wait(4.0)  # a busy machine may take that long to connect to the one that is there
     told = pytest.raises(EgoError, match=f"there is no ego service 'nobody' at {address}")
     with Service(IdmEgo, "somebody", listen=address), told:
         meet_ego("zenoh:nobody", scenario, i80)

@@ -74,6 +74,30 @@ def light_answer(worker: str, lease: Lease) -> Answer:
     return answer_of(worker, lease.lease, key, chunk)
 
 
+class Gate:
+    """Lets so many chunks through, so that a test decides how far its job is."""
+
+    def __init__(self):
+        self._permits = threading.Semaphore(0)
+
+    def let(self, chunks: int) -> None:
+        self._permits.release(chunks)
+
+    def open(self) -> None:
+        """For good."""
+        self.let(1_000_000)
+
+    def runner(self, worker: str) -> LightRunner:
+        gate = self
+
+        class Waiting(LightRunner):
+            def run(self, lease: Lease) -> Answer | Failed:
+                gate._permits.acquire()
+                return super().run(lease)
+
+        return Waiting(worker)
+
+
 class LightWorker:
     """A worker in threads of this process, over a session of its own or a shared one."""
 

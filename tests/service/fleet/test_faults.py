@@ -42,6 +42,7 @@ from service.job import Job, make_job
 from service.store.jobs import JobStore
 from tests.service.fleet.light import (
     LIMIT_S,
+    Gate,
     LightFleet,
     LightRunner,
     LightWorker,
@@ -51,7 +52,7 @@ from tests.service.fleet.light import (
 )
 
 POLICY = Policy(
-    chunk_s=0.5, first_rows=20, max_rows=40, hold_s=1.0, progress_s=0.0, audit_share=0.0, copy_s=0.5
+    chunk_s=0.5, first_rows=20, max_rows=40, hold_s=0.3, progress_s=0.0, audit_share=0.0, copy_s=0.5
 )
 PATIENT = replace(POLICY, copy_s=1e6, limit_s=1e6, first_limit_s=1e6)  # nobody is doubted
 AUDITED = replace(PATIENT, audit_share=0.2, open_audits=1000)
@@ -221,7 +222,10 @@ class Wrong(LightRunner):
 def test_wrong_values_are_found_by_an_audit_and_all_of_that_worker_s_chunks_are_run_again(
     tmp_path, job, right
 ):
-    with light_fleet(tmp_path, AUDITED) as fleet:
+    patient = replace(
+        PATIENT, audit_share=0.2, open_audits=1000
+    )  # the job cannot end without the wrong one's chunk
+    with light_fleet(tmp_path, patient) as fleet:
         job_id = fleet.fleet.submit(job).id
         wrong = LightWorker(fleet.port, "wrong", Wrong)
         assert Wrong.leased.wait(LIMIT_S)
@@ -287,11 +291,14 @@ def test_a_worker_that_draws_other_rows_is_sent_the_rows(tmp_path, job, right):
 def test_a_router_that_is_restarted_is_found_again(tmp_path, job, right):
     with light_fleet(tmp_path, POLICY) as fleet:
         job_id = fleet.fleet.submit(job).id
-        workers = [LightWorker(fleet.port, f"w{i}") for i in range(2)]
-        for rollouts in (300, 1000):
+        gate = Gate()
+        workers = [LightWorker(fleet.port, f"w{i}", gate.runner) for i in range(2)]
+        for rollouts in (200, 400):
+            gate.let(10)  # of 20 rows or more
             fleet.wait_rollouts(job_id, rollouts)
             fleet.shut()
             fleet.open()
+        gate.open()
         fleet.wait_status(job_id, "done")
         for worker in workers:
             worker.stop()
@@ -301,10 +308,13 @@ def test_a_router_that_is_restarted_is_found_again(tmp_path, job, right):
 def test_a_locked_database_holds_things_up_and_loses_nothing(tmp_path, job, right):
     with light_fleet(tmp_path, POLICY) as fleet:
         job_id = fleet.fleet.submit(job).id
-        worker = LightWorker(fleet.port, "w")
+        gate = Gate()
+        worker = LightWorker(fleet.port, "w", gate.runner)
+        gate.let(10)  # of 20 rows or more
         fleet.wait_rollouts(job_id, 200)
         other = sqlite3.connect(tmp_path / "fleet.sqlite", isolation_level=None)
         other.execute("BEGIN IMMEDIATE")
+        gate.open()
         deadline = time.monotonic() + LIMIT_S
         while not fleet.hub.call(lambda scheduler: scheduler.trouble).result():
             assert time.monotonic() < deadline
@@ -326,10 +336,13 @@ def test_clock_jumps_cost_time_at_most(tmp_path, job, right, jump_s):
 
     with light_fleet(tmp_path, POLICY, clock=clock) as fleet:
         job_id = fleet.fleet.submit(job).id
-        workers = [LightWorker(fleet.port, f"w{i}") for i in range(2)]
-        for rollouts in (200, 700, 1200):
+        gate = Gate()
+        workers = [LightWorker(fleet.port, f"w{i}", gate.runner) for i in range(2)]
+        for rollouts in (200, 400, 600):
+            gate.let(10)  # of 20 rows or more
             fleet.wait_rollouts(job_id, rollouts)
             jumped[0] += jump_s
+        gate.open()
         fleet.wait_status(job_id, "done")
         for worker in workers:
             worker.stop()

@@ -17,7 +17,9 @@ from service.job import Job, Problem, make_job
 from service.pool import Work, run_chunk
 from service.scenario import load_scenario
 from service.store.jobs import JobStore
+from tests.service.fleet import gated_ego
 from tests.service.fleet import processes as P
+from tests.service.fleet.gated_ego import Gate
 from tests.service.fleet.light import free_port
 
 SHORT_OPTIONS = {"budget": 1000, "iterations": 2, "samples_per_iteration": 150, "rho": 0.1, "mean_box": 1e-4}
@@ -36,54 +38,62 @@ def one_process(job: Job) -> tuple:
     return P.bits(estimate)
 
 
-@pytest.fixture(scope="module")
-def short_job(make_scenario) -> Job:
-    scenario = make_scenario({"horizon_s = 10.0": "horizon_s = 1.0"})
-    return make_job(scenario, "idm", 1.5, "ce", 1, SHORT_OPTIONS)
-
-
-@pytest.fixture(scope="module")
-def short_bits(short_job) -> tuple:
-    return one_process(short_job)
-
-
 @pytest.fixture
 def store(tmp_path) -> Iterator[JobStore]:
     with JobStore(f"sqlite:///{tmp_path / 'fleet.sqlite'}") as store:
         yield store
 
 
+@pytest.fixture
+def gate(tmp_path, monkeypatch) -> Iterator[Gate]:
+    """Of the rollouts that processes started from here on run with the ego `gated_ego`."""
+    monkeypatch.setenv("TAILROAD_PYTHON_EGOS", gated_ego.EGO)
+    monkeypatch.setenv(gated_ego.GATE, str(tmp_path / "gate"))
+    gate = Gate(tmp_path / "gate")
+    yield gate
+    gate.close()
+
+
 def test_workers_their_processes_and_the_scheduler_are_killed_and_the_disk_fills(
-    tmp_path, store, short_job, short_bits
+    tmp_path, make_scenario, store, gate, monkeypatch
 ):
-    P.submit(store, short_job)
+    scenario = make_scenario({"horizon_s = 10.0": "horizon_s = 1.0"})
+    job = make_job(scenario, gated_ego.EGO, 1.5, "ce", 1, SHORT_OPTIONS)
+    P.submit(store, job)
     port = free_port()
     options = ("--chunk-seconds", "0.02", "--audit-share", "0")
     server = P.serve(tmp_path, port, *options)
     workers = [P.worker(port, procs=2)]
     try:
+        gate.let(200)  # of 1000: whatever is killed below is killed before the job can end
         P.wait(lambda: P.rollouts(store) > 0, [server, *workers])
         P.kill(workers[0].children()[0])  # one rollout's process
         done = P.rollouts(store)
+        gate.let(200)
         P.wait(lambda: P.rollouts(store) > done, [server, workers[-1]])
         server.kill()  # the scheduler; the worker goes on, and finds the next one
         done = P.rollouts(store)
+        gate.let(200)
         server = P.serve(tmp_path, port, *options)
         P.wait(lambda: P.rollouts(store) > done, [server, workers[-1]])
         end = P.fill_disk(server)
+        done = P.rollouts(store)
+        gate.let(200)
         server.wait_line("trying again")
         end()
-        done = P.rollouts(store)
         P.wait(lambda: P.rollouts(store) > done, [server, workers[-1]])
         workers[0].kill()
         workers.append(P.worker(port, procs=2))
+        workers[1].wait_line("is connected")
+        gate.let(10 * job.options["budget"])
         P.wait_done(store, [server, workers[-1]])
         assert workers[1].stop() == 0
         assert server.stop() == 0
     finally:
         for process in [server, *workers]:
             process.kill()
-    assert P.recorded_bits(store) == short_bits
+    monkeypatch.delenv(gated_ego.GATE)
+    assert P.recorded_bits(store) == one_process(job)
 
 
 # -- at length -----------------------------------------------------------------------------------------------
