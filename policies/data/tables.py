@@ -53,23 +53,38 @@ def read_tables(path: Path | str) -> tuple[list[Scene], list[str]]:
     found: list[Scene] = []
     passed: list[str] = []
     for file in files:
-        table = pl.scan_parquet(file)
-        sites: dict[str, list[str]] = {}
-        for name in table.select("recording").unique().collect().to_series().sort():
-            reason = _unfit(table.filter(pl.col("recording") == name).head(1_000_000).collect())
-            if reason:
-                passed.append(f"{file.name}, recording {name}: {reason}")
-            else:
-                sites.setdefault(name.rpartition(" ")[0], []).append(name)
-        for names in sites.values():
-            road = _road(file, names)
-            for name in names:
-                found += _scenes(table.filter(pl.col("recording") == name).collect(), name, road)
+        try:
+            more, unfit = _of_file(file)
+        except pl.exceptions.PolarsError as error:
+            raise DataError(f"{file}: damaged, it cannot be read ({error}); import it again") from error
+        found += more
+        passed += unfit
     if not found:
         raise DataError(
             f"{path}: no recording in its tables can be used as a scene ({'; '.join(passed[:3])}); "
             "scenes need every vehicle of a road with lateral position, lane and length"
         )
+    return found, passed
+
+
+def _of_file(file: Path) -> tuple[list[Scene], list[str]]:
+    """The scenes of one table, and why recordings in it were passed over."""
+    found: list[Scene] = []
+    passed: list[str] = []
+    table = pl.scan_parquet(file)
+    sites: dict[str, list[str]] = {}
+    for name in table.select("recording").unique().collect().to_series().sort():
+        if name is None:
+            raise DataError(f"{file}: rows without the name of their recording; import it again")
+        reason = _unfit(table.filter(pl.col("recording") == name).head(1_000_000).collect())
+        if reason:
+            passed.append(f"{file.name}, recording {name}: {reason}")
+        else:
+            sites.setdefault(name.rpartition(" ")[0], []).append(name)
+    for names in sites.values():
+        road = _road(file, names)
+        for name in names:
+            found += _scenes(table.filter(pl.col("recording") == name).collect(), name, road)
     return found, passed
 
 

@@ -1,10 +1,12 @@
 """The shipped Zenoh configuration: who gets in, and what each role may do, over real TLS sessions."""
 
+import json
 import re
 import signal
 import socket
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -58,6 +60,9 @@ class Scheduler:
         return [
             str(r.ok.key_expr) for r in self.session.liveliness().get("tailroad/v1/fleet/*/alive") if r.ok
         ]
+
+
+of_kind = partial(pytest.mark.parametrize, "keys", indirect=True, scope="module")
 
 
 @pytest.fixture(scope="module", params=["certificates", "passwords"])
@@ -185,6 +190,30 @@ def test_keys_of_another_authority_get_no_session(scheduler, keys, tmp_path):
     assert refused(scheduler, trusting)  # and is itself distrusted
 
 
+def shown_as(keys: Path, user: str, password: str) -> zenoh.Config:
+    config = zenoh.Config.from_file(str(keys / "client.json5"))
+    config.insert_json5("transport/auth/usrpwd", json.dumps({"user": user, "password": password}))
+    return config
+
+
+@of_kind(["passwords"])
+def test_a_wrong_password_or_name_gets_no_session(scheduler, keys):
+    lines = (keys / "passwords.txt").read_text(encoding="utf-8").split()
+    right = dict(line.split(":") for line in lines)
+    assert not refused(scheduler, shown_as(keys, "client", right["client"]), within_ms=60_000)
+    assert refused(scheduler, shown_as(keys, "client", right["client"][:-1]))
+    assert refused(scheduler, shown_as(keys, "client", right["worker"]))
+    assert refused(scheduler, shown_as(keys, "admin", right["client"]))
+
+
+@of_kind(["certificates"])
+def test_the_scheduler_s_own_certificate_opens_no_client_s_session(scheduler, keys):
+    config = zenoh.Config.from_file(str(keys / "client.json5"))
+    config.insert_json5("transport/link/tls/connect_certificate", f'"{keys}/scheduler.pem"')
+    config.insert_json5("transport/link/tls/connect_private_key", f'"{keys}/scheduler-key.pem"')
+    assert refused(scheduler, config)
+
+
 def test_plain_tcp_is_not_listened_to(keys):
     with pytest.raises(InputError, match="cannot listen"):
         router_session([f"tcp/127.0.0.1:{free_port()}"], str(keys / "scheduler.json5"))
@@ -211,32 +240,28 @@ def test_wrong_use_of_the_script_is_refused(arguments, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("role", "code"), [("client", 0), ("worker", 1)])
-def test_the_command_line_works_over_tls_for_clients_alone(keys, tmp_path, role, code):
+def test_the_command_line_works_over_tls_for_clients_alone(keys, tmp_path):
     endpoint = f"tls/127.0.0.1:{free_port()}"
     tailroad = [sys.executable, "-m", "service.cli"]
     home = ["--home", tmp_path / "home", "--procs", "0", "--dashboard", "off"]
     serve = [*tailroad, "serve", "--listen", endpoint, "--zenoh-config", keys / "scheduler.json5", *home]
-    ask = [
-        *tailroad,
-        "health",
-        "--connect",
-        endpoint,
-        "--zenoh-config",
-        keys / f"{role}.json5",
-        "--timeout",
-        "5",
-    ]
+    ask = [*tailroad, "health", "--connect", endpoint, "--timeout", "5"]
     with subprocess.Popen(serve, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as server:
         try:
             assert server.stdout is not None
             for line in server.stdout:
                 if endpoint in line:
                     break
-            answered = subprocess.run(ask, capture_output=True, text=True, check=False)
+            for role, code in (("client", 0), ("worker", 1)):
+                answered = subprocess.run(
+                    [*ask, "--zenoh-config", keys / f"{role}.json5"],
+                    capture_output=True,
+                    text=True,
+                    check=False,
+                )
+                assert answered.returncode == code, answered.stdout + answered.stderr
         finally:
             server.send_signal(signal.SIGTERM)
-    assert answered.returncode == code, answered.stdout + answered.stderr
 
 
 def test_clients_have_a_right_to_every_key_of_the_api():
