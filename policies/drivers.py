@@ -130,7 +130,10 @@ def _card(path: Path) -> dict[str, Any]:
         raise WeightsError(f"{path}: its card {card.name} is missing; weights without a card are not used")
     try:
         found = json.loads(card.read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
+    except (
+        ValueError,
+        RecursionError,
+    ) as error:  # not UTF-8, not JSON, a number of thousands of digits, nested too deeply
         raise WeightsError(f"{card}: not valid JSON ({error})") from error
     if not isinstance(found, dict):
         raise WeightsError(f"{card}: expected a JSON object, got {type(found).__name__}")

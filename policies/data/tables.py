@@ -55,7 +55,7 @@ def read_tables(path: Path | str) -> tuple[list[Scene], list[str]]:
     for file in files:
         try:
             more, unfit = _of_file(file)
-        except pl.exceptions.PolarsError as error:
+        except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
             raise DataError(f"{file}: damaged, it cannot be read ({error}); import it again") from error
         found += more
         passed += unfit
@@ -74,9 +74,10 @@ def _of_file(file: Path) -> tuple[list[Scene], list[str]]:
     table = pl.scan_parquet(file)
     sites: dict[str, list[str]] = {}
     for name in table.select("recording").unique().collect().to_series().sort():
-        if name is None:
-            raise DataError(f"{file}: rows without the name of their recording; import it again")
-        reason = _unfit(table.filter(pl.col("recording") == name).head(1_000_000).collect())
+        rows = table.filter(pl.col("recording") == name).head(1_000_000).collect()
+        if rows.height == 0:  # the file's index says otherwise than its pages, or the name is missing
+            raise DataError(f"{file}: damaged, recording {name!r} has no rows; import it again")
+        reason = _unfit(rows)
         if reason:
             passed.append(f"{file.name}, recording {name}: {reason}")
         else:
@@ -95,7 +96,7 @@ def _files(path: Path) -> list[Path]:
 def _in_schema(file: Path) -> bool:
     try:
         return set(SCHEMA) <= set(pl.read_parquet_schema(file))
-    except (pl.exceptions.PolarsError, OSError):
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError):
         return False
 
 

@@ -69,7 +69,7 @@ class FileTargets:
         self.all = (
             Target("scenario files", damaged(_toml_bytes()) | changed(I80), self._scenario, 0.05),
             Target("batch files", damaged(BATCH.encode()), self._batch, 0.05),
-            Target("formulas", damaged(FORMULA.encode()).map(_text), self._formula, 0.01),
+            Target("formulas", damaged(FORMULA.encode()).map(_text), self._formula, 0.015),
             Target("run.json", damaged((run / "run.json").read_bytes()), self._run_json, 0.01),
             Target("run databases", damaged((run / "rollouts.sqlite").read_bytes()), self._database, 0.005),
             Target("chunks in run databases", st.tuples(st.sampled_from(columns), values), self._chunk, 0.005),
@@ -78,7 +78,7 @@ class FileTargets:
             Target("recordings as text", damaged(_recording()), self._recording, 0.0025),
             Target("imported tables", damaged(table), self._table, 0.0025),
             Target("driver weights", damaged(self._weights[:4000]), self._weights_file, 0.0025),
-            Target("cards of drivers", damaged(card) | changed({"name": "x"}).map(json_of), self._card, 0.01),
+            Target("cards of drivers", damaged(card) | changed({"name": "x"}).map(json_of), self._card, 0.005),
         )  # fmt: skip
 
     def _scenario(self, payload: bytes | dict) -> str:
@@ -222,11 +222,16 @@ class FileTargets:
         return "accepted"
 
     def _card(self, payload: bytes) -> str:
-        self._drivers.with_suffix(".json").write_bytes(payload)
+        path = self._folder / f"drivers-{next(self._names)}.safetensors"
+        path.hardlink_to(self._drivers)
+        path.with_suffix(".json").write_bytes(payload)
         try:
-            load_drivers(self._drivers)
+            load_drivers(path)
         except WeightsError:
             return "WeightsError"
+        finally:
+            path.unlink()
+            path.with_suffix(".json").unlink()
         return "accepted"
 
 

@@ -16,27 +16,32 @@ from collections import Counter
 from pathlib import Path
 
 from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
 
 from tests.fuzz.target import Target
 from tests.fuzz.targets import Targets
 
 ROUND = 500
+AT_ONCE = (
+    5  # payloads of an example: hypothesis takes longer for an example than most payloads for themselves
+)
 MOST_GROWTH_MB = 64.0
 PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
 def run_round(target: Target, count: int, number: int) -> Counter[str]:
-    """How `count` payloads of a target ended."""
+    """How `count` payloads of a target ended, rounded up to a multiple of AT_ONCE."""
     ends: Counter[str] = Counter()
 
     @seed(number)
-    @settings(max_examples=count, database=None, deadline=None, suppress_health_check=list(HealthCheck),
+    @settings(max_examples=-(-count // AT_ONCE), database=None, deadline=None, suppress_health_check=list(HealthCheck),
               phases=(Phase.generate, Phase.shrink))  # fmt: skip
-    @given(target.payloads)
-    def one(payload: object) -> None:
-        ends[target.run(payload)] += 1
+    @given(st.lists(target.payloads, min_size=AT_ONCE, max_size=AT_ONCE))
+    def some(payloads: list[object]) -> None:
+        for payload in payloads:
+            ends[target.run(payload)] += 1
 
-    one()
+    some()
     return ends
 
 
