@@ -14,6 +14,7 @@ from policies.egos import ego_names
 from service.api.objects import Ego, Egos, ScenarioEntry, Scenarios
 from service.api.problems import ApiError, Wrong, short
 from service.egos.settings import EgoSettings
+from service.egos.sumo import NAMES as SUMO_EGOS
 from service.errors import InputError
 from service.scenario import Scenario, load_scenario
 from service.scenario.check import check_road
@@ -50,7 +51,7 @@ class Catalogue:
         return Scenarios(items=tuple(entries), roads=BUILT_IN + names, weights=(*shipped(), *names))
 
     def egos(self) -> Egos:
-        found = [Ego(name=name, kind="built-in") for name in ego_names()]
+        found = [Ego(name=name, kind="built-in") for name in (*ego_names(), *SUMO_EGOS)]
         found += [Ego(name=name, kind="class") for name in sorted(EgoSettings.from_environment().python)]
         found += [Ego(name=f"zenoh:{name}", kind="service") for name in sorted(set(self._services()))]
         return Egos(items=tuple(found))

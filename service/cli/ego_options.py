@@ -28,8 +28,9 @@ def ego_option(default: str = "lidar", multiple: bool = False) -> Callable:
             show_default=not multiple,
             multiple=multiple,
             callback=_permit_each if multiple else _permit,
-            help=f"The driving policy under test: {', '.join(ego_names())}, zenoh:NAME for a service on the network, "
-            "or MODULE:CLASS for a class of your own.",
+            help=f"The driving policy under test: {', '.join(ego_names())}, sumo:MODEL for one of SUMO's "
+            "car-following models (sumo:Krauss), zenoh:NAME for a service on the network, or MODULE:CLASS for a class "
+            "of your own.",
         ),
         click.option(
             "--ego-address",

@@ -10,6 +10,7 @@ from rich.progress import Progress, TaskID
 from service.cli.main import INTERRUPTED
 from service.cli.options import core_count, seed_option, workers_option
 from service.cli.progress import progress_bar, stderr
+from service.errors import InputError
 from service.reproduce.black_box import black_box
 from service.reproduce.local import Watch, carry_out
 from service.reproduce.page import Page, page_of, page_of_several, write_page
@@ -19,13 +20,14 @@ from service.reproduce.scale_page import scale_page
 from service.reproduce.sizes import SCALES
 
 WORLDS_TITLE = "Other worlds: another road, another's ego, a black box"
+FLEET = tuple(name for name in PLANS if name != "worlds")  # its black box is on this machine
 TOLD_EVERY_S = 60.0  # where standard error is no terminal
 
 
 @click.command()
 @click.argument("name", type=click.Choice((*PLANS, "qualitative", "scale")))
 @click.option("--scale", type=click.Choice(SCALES), default="small", show_default=True,
-              help="smoke: seconds; small: an hour or so; paper: the sizes of the paper.")  # fmt: skip
+              help="smoke: seconds; small: minutes; medium: an hour; paper: the sizes of the paper.")  # fmt: skip
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("runs/reproduce"),
               show_default=True, help="Holds the run directories; the same command goes on from there.")  # fmt: skip
 @click.option("--pages", type=click.Path(file_okay=False, path_type=Path), help="Where the page is written.  "
@@ -34,6 +36,10 @@ TOLD_EVERY_S = 60.0  # where standard error is no terminal
               "[default: OUT/truths]")  # fmt: skip
 @click.option("--sumo", is_flag=True, help="Run every rollout in SUMO. Others leave it out where they can, several "
               "times faster; one rollout in a hundred is then run in both and compared bit for bit.")  # fmt: skip
+@click.option("--connect", multiple=True, help="Run on the fleet at this Zenoh endpoint (all of it in SUMO) instead of "
+              "local workers; once for each. Not for qualitative and scale.")  # fmt: skip
+@click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
+              help="Zenoh configuration file, for TLS and passwords.")  # fmt: skip
 @workers_option()
 @seed_option()
 def command(
@@ -43,6 +49,8 @@ def command(
     pages: Path | None,
     truths: Path | None,
     sumo: bool,
+    connect: tuple[str, ...],
+    zenoh_config: str | None,
     workers: int | None,
     seed: int,
 ) -> None:
@@ -55,7 +63,12 @@ def command(
     said = _said(name, scale, sumo, seed)
     ctx = click.get_current_context()
     try:
-        if name in PLANS:
+        if connect and name not in FLEET:
+            raise InputError(f"--connect does not go with {name}; what runs on a fleet: {', '.join(FLEET)}")
+        if connect:
+            (plan,) = plans_of(name, scale, seed)
+            page = _on_fleet(plan, connect, zenoh_config, said)
+        elif name in PLANS:
             plans = plans_of(name, scale, seed)
             page = _carried_out(plans, out, truths or out / "truths", workers, sumo, said)
         elif name == "qualitative":
@@ -79,6 +92,15 @@ def _carried_out(
         watch = _watch(bar, bar.add_task(plans[0].name, total=total, note=""), total)
         outcomes = [carry_out(plan, out, truths, workers, sumo, watch) for plan in plans]
     return page_of(outcomes[0], said) if len(plans) == 1 else page_of_several(WORLDS_TITLE, outcomes, said)
+
+
+def _on_fleet(plan: Plan, connect: tuple[str, ...], zenoh_config: str | None, said: str) -> Page:
+    from service.client import Client  # Zenoh takes a moment to import
+    from service.reproduce.fleet import carry_out_on
+
+    with Client(list(connect), zenoh_config) as client, progress_bar() as bar:
+        watch = _watch(bar, bar.add_task(plan.name, total=plan.rollouts, note=""), plan.rollouts)
+        return page_of(carry_out_on(client, plan, watch), f"{said} --connect HOST")
 
 
 def _said(name: str, scale: str, sumo: bool, seed: int) -> str:

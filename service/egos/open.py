@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 from policies.egos import EgoPolicy, ego_names, load_ego
 from service.egos.settings import PYTHON_EGO, EgoSettings
-from service.egos.sumo import MODELS, SumoEgo
+from service.egos.sumo import NAMES as SUMO_EGOS
 from service.egos.sumo import PREFIX as SUMO
+from service.egos.sumo import SumoEgo
 from service.errors import EgoError, InputError
 from service.scenario.schema import Scenario
 from service.sim.road import road_of
@@ -22,7 +23,7 @@ def usable_egos(settings: EgoSettings | None = None) -> list[str]:
     """Names of the egos that this process can run by itself: those that come with tailroad, SUMO's car-following models
     and the user's classes."""
     own = sorted((settings or EgoSettings.from_environment()).python)
-    return [*ego_names(), *(f"{SUMO}{model}" for model in MODELS), *own]
+    return [*ego_names(), *SUMO_EGOS, *own]
 
 
 def check_ego(name: str, settings: EgoSettings | None = None) -> None:
@@ -34,10 +35,8 @@ def check_ego(name: str, settings: EgoSettings | None = None) -> None:
                 f"ego {name!r}: the name of an ego service has 1 to 64 letters, digits, '.', '_' and '-'"
             )
     elif name.startswith(SUMO):
-        if name.removeprefix(SUMO) not in MODELS:
-            raise InputError(
-                f"ego {name!r}: of SUMO's car-following models there are {', '.join(f'{SUMO}{m}' for m in MODELS)}"
-            )
+        if name not in SUMO_EGOS:
+            raise InputError(f"ego {name!r}: of SUMO's car-following models there are {', '.join(SUMO_EGOS)}")
     elif ":" in name:
         if not PYTHON_EGO.fullmatch(name):
             raise InputError(f"ego {name!r} is neither MODULE:CLASS nor zenoh:NAME")

@@ -15,6 +15,7 @@ from service.errors import EgoError
 
 PREFIX = "sumo:"
 MODELS = ("Krauss", "KraussOrig1", "IDM", "EIDM", "ACC", "Wiedemann", "W99")
+NAMES = tuple(f"{PREFIX}{model}" for model in MODELS)
 
 
 class Follows(Protocol):

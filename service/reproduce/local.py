@@ -14,7 +14,7 @@ from service.pool import OpenWorld, in_sumo
 from service.reproduce import results
 from service.reproduce.plans import Plan, Run, Truth
 from service.reproduce.results import Result, result_of
-from service.reproduce.truth import GroundTruth
+from service.reproduce.truth import GroundTruth, KnownTruth, truth_job
 from service.scenario import load_scenario
 from service.scenario.noise import with_noise
 from service.sim.without_sumo import can_leave_out_sumo
@@ -36,15 +36,9 @@ class Outcome:
     """What a plan came to: its ground truth and the results of its runs, in their order."""
 
     plan: Plan
-    truth: GroundTruth
+    truth: KnownTruth
     results: tuple[Result, ...]
     sumo: bool  # all of it in SUMO, or without and one rollout in a hundred in both
-
-
-def truth_job(truth: Truth) -> Job:
-    return make_job(
-        load_scenario(truth.scenario), truth.ego, 0.5, "naive", truth.seed, {"budget": truth.rollouts}
-    )
 
 
 def truth_path(truth: Truth, folder: Path) -> Path:

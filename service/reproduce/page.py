@@ -101,8 +101,8 @@ def markdown(table: Table) -> Iterable[str]:
 
 
 def _introduction(outcome: Outcome) -> str:
-    plan, ran = outcome.plan, outcome.truth.ran
-    worker_s = ran.worker_s + sum(r.worker_s for r in outcome.results)
+    plan = outcome.plan
+    worker_s = outcome.truth.worker_s + sum(r.worker_s for r in outcome.results)
     rollouts = outcome.truth.rollouts + sum(r.rollouts for r in outcome.results)
     world = (
         "all of them in SUMO"

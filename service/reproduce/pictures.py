@@ -8,11 +8,10 @@ import numpy as np
 from service.report import ink
 from service.report.ink import Picture
 from service.reproduce.local import Outcome
+from service.reproduce.plans import curve_gammas
 from service.reproduce.tables import pooled, series_of
-from service.reproduce.truth import CUTOFF_S
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#6b6b6b", "#000000")
-POINTS = 60
 WHAT = {
     "events": "ratio of rare events",
     "variances": "ratio of variances, training left out",
@@ -60,8 +59,7 @@ def ratio_picture(outcome: Outcome, key: str) -> Picture:
 
 def p_picture(outcome: Outcome) -> Picture:
     """The ground truth against gamma, and every run's estimates with their intervals."""
-    gammas = np.array(outcome.plan.gammas)
-    grid = np.linspace(gammas.min() * 0.9, min(gammas.max() * 1.1, CUTOFF_S * 0.999), POINTS)
+    grid = np.array(curve_gammas(outcome.plan))
     truth = outcome.truth.at(grid)
     with ink.figure(3.6, 6.4) as drawn:
         axes = drawn.add_subplot()

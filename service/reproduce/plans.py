@@ -20,6 +20,8 @@ THRESHOLDS = {
 # kept near P0 and to the starts, because in 404 driver weights its steps are mostly noise.
 PAPER, NEAR = "as in the paper", "kept near P0"
 SEARCHES: dict[str, dict[str, Any]] = {PAPER: {}, NEAR: {"mean_box": 0.0001, "max_kl": 2.5}}
+HIGHEST_S = 0.999  # that a ground truth knows (`service.reproduce.truth`)
+CURVE_POINTS = 60
 BEST_RHO = 0.01  # of the paper's four
 # Roads and egos that nothing here was made for: what it is, the scenario, the ego. The black box is served by
 # a process of its own, over Zenoh (`service.reproduce.black_box`).
@@ -92,6 +94,12 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     def rollouts(self) -> int:
         """Rollouts at most, the ground truth included."""
         return self.truth.rollouts + sum(run.budget for run in self.runs)
+
+
+def curve_gammas(plan: Plan) -> tuple[float, ...]:
+    """Thresholds at which the ground truth is drawn: a little beyond the plan's on both sides."""
+    low, high = 0.9 * min(plan.gammas), min(1.1 * max(plan.gammas), HIGHEST_S)
+    return tuple(low + (high - low) * k / (CURVE_POINTS - 1) for k in range(CURVE_POINTS))
 
 
 def plans_of(name: str, scale: str, seed: int = 1) -> tuple[Plan, ...]:

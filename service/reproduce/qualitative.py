@@ -31,7 +31,8 @@ class Size(msgspec.Struct, frozen=True):
 
 SIZES = {
     "smoke": Size((0.75,), 1000, 8, 1),
-    "small": Size((0.58, 0.46), 5000, 100, 2),
+    "small": Size((0.58,), 2000, 40, 2),
+    "medium": Size((0.58, 0.46), 20_000, 300, 3),
     "paper": Size((0.58, 0.46, 0.38, 0.32), 100_000, 1000, 4),
 }
 SCENARIO, EGO = "i80-10s", "lidar"

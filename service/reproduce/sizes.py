@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-SCALES = ("smoke", "small", "paper")
+SCALES = ("smoke", "small", "medium", "paper")  # seconds, minutes, an hour, days of a core
 
 
 @dataclass(frozen=True)
@@ -47,25 +47,29 @@ PAPER_RHOS = (0.01, 0.05, 0.1, 0.2)
 # naive ones.
 LIDAR = {
     "smoke": Size(400, Search(2, 100, 800), (0.1, 0.2), 1, 1000),
-    "small": Size(100_000, Search(10, 500, 5000), PAPER_RHOS, 2, 10_000),
+    "small": Size(10_000, Search(4, 300, 800), (0.01, 0.1), 1, 2000),
+    "medium": Size(100_000, Search(10, 500, 5000), PAPER_RHOS, 2, 10_000),
     "paper": Size(1_000_000, Search(100, 5000, 100_000), PAPER_RHOS, 1, 600_000),
 }
 # Table 2 and Figure 3, the vision ego: K = 20, N_k = 1,000, 50,000 evaluation rollouts against 50,000 naive ones.
 VISION = {
     "smoke": Size(100, Search(2, 50, 900), (0.1,), 1, 0),
-    "small": Size(2000, Search(4, 250, 1000), (0.01,), 1, 0),
+    "small": Size(1000, Search(4, 100, 600), (0.01,), 1, 0),
+    "medium": Size(10_000, Search(10, 300, 5000), (0.01,), 1, 0),
     "paper": Size(50_000, Search(20, 1000, 50_000), (0.01,), 1, 0),
 }
 # Our estimators, where p is about 1e-4, 1e-5 and 1e-6.
 ALL_SERIES = ("splitting, noise searched", "splitting", "auto", "mixture")
 BEYOND = {
     "smoke": Ours(400, (0.5,), ("splitting, noise searched", "splitting"), 2, 1000),
-    "small": Ours(100_000, (0.38, 0.32), ("splitting, noise searched", "splitting"), 6, 5000),
+    "small": Ours(10_000, (0.38,), ("splitting, noise searched", "splitting"), 3, 2000),
+    "medium": Ours(100_000, (0.38, 0.32), ALL_SERIES, 6, 10_000),
     "paper": Ours(1_000_000, (0.38, 0.32, 0.28), ALL_SERIES, 20, 50_000),
 }
 # Other worlds: every rollout in SUMO, and the black box asked each step.
 WORLDS = {
     "smoke": Ours(40, (), (), 1, 1000),
-    "small": Ours(2000, (), (), 1, 2000),
+    "small": Ours(300, (), (), 1, 1000),
+    "medium": Ours(10_000, (), (), 2, 5000),
     "paper": Ours(100_000, (), (), 5, 20_000),
 }

@@ -9,7 +9,8 @@ import hashlib
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
+from zipfile import BadZipFile
 
 import msgspec
 import numpy as np
@@ -18,7 +19,9 @@ import ce
 from ce.interval import clopper_pearson
 from policies.drivers import WEIGHTS_FOLDER
 from service.errors import StoreError
-from service.job import Job
+from service.job import Job, make_job
+from service.reproduce.plans import Truth
+from service.scenario import load_scenario
 from service.store import FAILED, Chunk
 
 CUTOFF_S = 1.0
@@ -51,6 +54,25 @@ def digest_of(job: Job) -> str:
     return digest.hexdigest()[:16]
 
 
+class KnownTruth(Protocol):
+    """What tables and pictures need of a ground truth."""
+
+    @property
+    def rollouts(self) -> int: ...
+
+    @property
+    def worker_s(self) -> float: ...
+
+    def at(self, gammas: Any) -> dict[str, np.ndarray]:
+        """p, its interval (low, high), std_error and events at each threshold."""
+
+
+def truth_job(truth: Truth) -> Job:
+    """The naive job whose rollouts it is."""
+    scenario = load_scenario(truth.scenario)
+    return make_job(scenario, truth.ego, 0.5, "naive", truth.seed, {"budget": truth.rollouts})
+
+
 class GroundTruth:
     """The record of a naive job's rollouts, as `service.store.ChunkSource` has it; one process at a time writes."""
 
@@ -71,7 +93,7 @@ class GroundTruth:
             with np.load(self.path, allow_pickle=False) as stored:
                 ran = msgspec.json.decode(stored["ran"].tobytes(), type=Ran)
                 rows, f, codes = stored["rows"], stored["f"], stored["outcomes"]
-        except (OSError, ValueError, KeyError, EOFError, msgspec.MsgspecError) as error:
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile, msgspec.MsgspecError) as error:
             raise StoreError(
                 f"{self.path} is not a readable ground truth ({error}); remove it to start anew"
             ) from error
@@ -158,6 +180,11 @@ class GroundTruth:
     def rollouts(self) -> int:
         """Rows from 0 on without a gap: what estimates are made of."""
         return self.ran.ranges[0][1] if self.ran.ranges and self.ran.ranges[0][0] == 0 else 0
+
+    @property
+    def worker_s(self) -> float:
+        """What all of it has cost."""
+        return self.ran.worker_s
 
     def lowest(self, count: int) -> np.ndarray:
         """The smallest values of f, rising."""

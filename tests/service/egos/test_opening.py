@@ -9,6 +9,7 @@ import pytest
 from policies.egos import ego_names
 from service.egos.open import check_ego, open_ego, usable_egos
 from service.egos.settings import EgoSettings
+from service.egos.sumo import NAMES as SUMO_EGOS
 from service.errors import InputError
 from service.job import make_job
 
@@ -87,7 +88,7 @@ def test_settings_survive_the_way_through_the_environment():
     )
     assert EgoSettings.from_environment(settings.as_environment()) == settings
     assert EgoSettings.from_environment({}) == NONE
-    assert usable_egos(settings) == [*ego_names(), "a.b:C", "d:E"]
+    assert usable_egos(settings) == [*ego_names(), *SUMO_EGOS, "a.b:C", "d:E"]
 
 
 @pytest.mark.parametrize(
