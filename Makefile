@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate test check bench bench-camera calibration faults bench-fleet fuzz drivers ego-vision schema example-ego format clean
+.PHONY: help estimate test check bench bench-camera calibration guides faults bench-fleet fuzz drivers ego-vision schema example-ego format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
@@ -13,6 +13,7 @@ help:
 	@echo "make bench      measure the world's speed beside the bare SUMO loop"
 	@echo "make bench-camera  what a picture, the vision network and egos elsewhere cost (minutes)"
 	@echo "make calibration  run every estimator on problems with known answers (an hour or more)"
+	@echo "make guides    follow the guides for newcomers word by word (minutes)"
 	@echo "make faults     kill workers and scheduler many times, play long random fleets (half an hour or more)"
 	@echo "make bench-fleet  what the scheduler costs with 200 workers and over a million rollouts"
 	@echo "make fuzz       100,000 wrong inputs to everything that reads from outside (an hour; goes on where it stopped)"
@@ -44,6 +45,9 @@ bench: $(VENV)/.installed
 bench-camera: $(VENV)/.installed-dev
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.bench.camera_speed
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.bench.ego_placement --ego vision --rollouts 40
+
+guides: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -m long tests/deploy/test_guides.py
 
 faults: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m long tests/service/fleet

@@ -14,6 +14,7 @@ from service.errors import InputError
 from service.reproduce.black_box import black_box
 from service.reproduce.local import Watch, carry_out
 from service.reproduce.page import Page, page_of, page_of_several, write_page
+from service.reproduce.peers.page import peers_page
 from service.reproduce.plans import BLACK_BOX, PLANS, Plan, plans_of
 from service.reproduce.qualitative import qualitative_page
 from service.reproduce.scale_page import scale_page
@@ -25,7 +26,7 @@ TOLD_EVERY_S = 60.0  # where standard error is no terminal
 
 
 @click.command()
-@click.argument("name", type=click.Choice((*PLANS, "qualitative", "scale")))
+@click.argument("name", type=click.Choice((*PLANS, "qualitative", "scale", "peers")))
 @click.option("--scale", type=click.Choice(SCALES), default="small", show_default=True,
               help="smoke: seconds; small: minutes; medium: an hour; paper: the sizes of the paper.")  # fmt: skip
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("runs/reproduce"),
@@ -37,7 +38,7 @@ TOLD_EVERY_S = 60.0  # where standard error is no terminal
 @click.option("--sumo", is_flag=True, help="Run every rollout in SUMO. Others leave it out where they can, several "
               "times faster; one rollout in a hundred is then run in both and compared bit for bit.")  # fmt: skip
 @click.option("--connect", multiple=True, help="Run on the fleet at this Zenoh endpoint (all of it in SUMO) instead of "
-              "local workers; once for each. Not for qualitative and scale.")  # fmt: skip
+              "local workers; once for each. For experiments that are runs alone.")  # fmt: skip
 @click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
               help="Zenoh configuration file, for TLS and passwords.")  # fmt: skip
 @workers_option()
@@ -75,6 +76,8 @@ def command(
             with progress_bar() as bar:
                 watch = _watch(bar, bar.add_task(name, total=None, note=""), 0)
                 page = qualitative_page(scale, seed, out, pages, workers, sumo, watch, said)
+        elif name == "peers":
+            page = peers_page(scale, out, said, lambda what: stderr.print(what))
         else:
             page = scale_page(scale, workers, said, lambda what: stderr.print(what))
     except KeyboardInterrupt:

@@ -42,7 +42,7 @@ class Outcome:
 
 
 def truth_path(truth: Truth, folder: Path) -> Path:
-    return folder / f"{truth.scenario}-{truth.ego.replace(':', '-')}.npz"
+    return folder / f"{Path(truth.scenario).stem}-{truth.ego.replace(':', '-')}.npz"
 
 
 def run_as_job(run: Run) -> Job:

@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -77,7 +78,7 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     def folder(self) -> str:
         """A name for its run directory: the same run has the same name in every plan."""
         digest = hashlib.sha256(msgspec.json.encode(self, order="deterministic")).hexdigest()[:10]
-        return f"{self.scenario}-{self.ego.replace(':', '-')}-{self.method}-{self.seed}-{digest}"
+        return f"{Path(self.scenario).stem}-{self.ego.replace(':', '-')}-{self.method}-{self.seed}-{digest}"
 
 
 class Plan(msgspec.Struct, frozen=True, kw_only=True):
