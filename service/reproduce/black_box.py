@@ -12,7 +12,10 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from service.egos.settings import EgoSettings
 from service.errors import EgoError
+
+DEADLINE_S = 60.0  # what is measured is the policy, not how busy this machine is
 
 _CODE = """
 import sys
@@ -31,17 +34,19 @@ def black_box(name: str) -> Iterator[None]:
     process = subprocess.Popen(
         [sys.executable, "-c", _CODE, name, address], stdout=subprocess.PIPE, text=True
     )
-    before = os.environ.get("TAILROAD_EGO_ADDRESS")
+    settings = EgoSettings(address, deadline_s=DEADLINE_S, patience_s=DEADLINE_S).as_environment()
+    before = {name: os.environ.get(name) for name in settings}
     try:
         assert process.stdout is not None
         if "ready" not in process.stdout.readline():
             raise EgoError("the black box ended before it was ready; its own message is above")
-        os.environ["TAILROAD_EGO_ADDRESS"] = address
+        os.environ.update(settings)
         yield
     finally:
-        if before is None:
-            os.environ.pop("TAILROAD_EGO_ADDRESS", None)
-        else:
-            os.environ["TAILROAD_EGO_ADDRESS"] = before
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
         process.terminate()
         process.wait()

@@ -57,14 +57,15 @@ def ratio_of_variances(
 
 def efficiency_of_repeats(p: float, p_error: float, estimates: np.ndarray, rollouts: float) -> Ratio:
     """Efficiency from the spread of repeated runs about the ground truth: p (1 - p) / rollouts over their mean squared
-    error, bias and all. Chi-squared interval, widened for the error of p."""
+    error, bias and all. Chi-squared interval, widened for the error of p. Not known where the error is as large as p:
+    always answering 0 would do as well."""
     from scipy.stats import chi2
 
     n = estimates.size
     if n < 2 or not p > 0.0:
         return UNKNOWN
     error = float(np.mean((estimates - p) ** 2))
-    if error == 0.0:
+    if error == 0.0 or error >= p**2:
         return UNKNOWN
     value = p * (1.0 - p) / rollouts / error
     low, high = chi2.ppf([0.025, 0.975], n) / n

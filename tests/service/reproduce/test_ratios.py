@@ -53,6 +53,7 @@ def test_repeats_tell_what_a_method_is_worth_bias_and_all():
     assert efficiency_of_repeats(p, 0.0, honest, rollouts).value == pytest.approx(8.0, rel=0.2)
     assert efficiency_of_repeats(p, 0.0, 0.1 * honest, rollouts).value < 2.0
     assert math.isnan(efficiency_of_repeats(p, 0.0, honest[:1], rollouts).value)
+    assert math.isnan(efficiency_of_repeats(p, 0.0, np.zeros(20), rollouts).value)
     few = [efficiency_of_repeats(p, 0.0, part, rollouts) for part in honest.reshape(80, 5)]
     assert np.mean([r.low <= 8.0 <= r.high for r in few]) >= 0.9
 
