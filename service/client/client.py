@@ -150,15 +150,17 @@ class Client:
 
         return self._of(job, "risk", Risk, baseline=baseline, source=source)
 
-    def report(self, job: str) -> str:
-        """The report as one HTML page."""
-        return self._file(job, "report").decode()
+    def report(self, job: str, baseline: str | float | None = None, source: str | None = None) -> str:
+        """The report as one HTML page; the baseline as of `risk`."""
+        return self._file(job, "report", baseline=baseline, source=source).decode()
 
-    def report_json(self, job: str) -> "Report":
+    def report_json(
+        self, job: str, baseline: str | float | None = None, source: str | None = None
+    ) -> "Report":
         """The report's facts."""
         from service.report.objects import Report
 
-        return self._of(job, "report.json", Report)
+        return self._of(job, "report.json", Report, baseline=baseline, source=source)
 
     def cancel(self, job: str) -> O.Done:
         return self._of(job, "cancel", O.Done)

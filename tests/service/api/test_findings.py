@@ -14,9 +14,11 @@ import msgspec
 import numpy as np
 import pytest
 import zenoh
+from click.testing import CliRunner
 from mcap.reader import make_reader
 
 from service.api.schemas import schema_of
+from service.cli.main import main
 from service.client import Client, Refused
 from service.comparison.objects import Comparison
 from service.learned.objects import Learned
@@ -141,6 +143,22 @@ def test_a_file_comes_with_its_media_type(service, jobs: list[str], client: Clie
         selector = f"tailroad/v1/jobs/{jobs[0]}/rollouts/3/export?format=scenario"
         (reply,) = session.get(selector, timeout=ANSWER_S)
         assert str(reply.ok.encoding) == "application/toml"
+
+
+def test_commands_fetch_reports_and_files(service, jobs: list[str], tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{service.port}"
+    out = tmp_path / "report"
+    done = CliRunner().invoke(main, ["report", jobs[0], "--connect", endpoint, "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    assert (out / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    msgspec.json.decode((out / "report.json").read_bytes(), type=Report)
+    key = f"jobs/{jobs[0]}/rollouts/3/export?format=scenario"
+    asked = ["get", key, "--connect", endpoint, "--timeout", "60"]
+    assert CliRunner().invoke(main, [*asked, "--out", str(tmp_path / "r.toml")]).exit_code == 0
+    assert "[fixed]" in (tmp_path / "r.toml").read_text(encoding="utf-8")
+    refused = CliRunner().invoke(main, asked)
+    assert refused.exit_code == 2
+    assert "--out FILE" in refused.output
 
 
 @pytest.mark.parametrize(
