@@ -22,8 +22,8 @@ from service.errors import InputError, StoreError
 def command(key: str, body: Path | None, out: Path | None, as_json: bool, client: Client) -> None:
     """Print what the service answers at KEY, as in jobs/JOB/estimate?gamma=0.14;confidence=0.95.
 
-    `tailroad get about` lists the keys, `tailroad get schemas/NAME` prints the JSON Schema of what they answer. Files, as
-    jobs/JOB/report or jobs/JOB/rollouts/ROW/export?format=mp4, go to --out.
+    `tailroad get about` lists the keys, `tailroad get schemas/NAME` prints the JSON Schema of what they
+    answer. Files, as of jobs/JOB/report or jobs/JOB/rollouts/ROW/export?format=mp4, go to --out.
     """
     answer = client.get(key, None if body is None else body.read_bytes())
     if out is None:
