@@ -1,6 +1,6 @@
 """Do the intervals of failure modes' shares hold, where splitting's Markov chains met the failures?
 
-    python tests/bench/splitting_shares.py [--seeds 200]
+    python -m tests.bench.splitting_shares [--seeds 200]
 
 Two ways to the event {x_1 > a} or {x_2 > b} of a standard normal x in 10 dimensions, of known shares. Beside the
 intervals that are given (each rollout with its part of the estimate, spread over replications), those of counting the
