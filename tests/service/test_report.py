@@ -28,7 +28,9 @@ from service.report.facts import facts_of
 from service.report.objects import Report
 from service.scenario import Scenario, load_scenario
 from service.store import FAILED, Chunk, RunDirectory
+from tests.service.dashboard import conftest as with_browser
 
+browser = with_browser.browser
 NOW = datetime(2030, 1, 2, 3, 4, 5, tzinfo=UTC)
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 NAIVE = {"budget": 3000, "batch_size": 1500}
@@ -404,6 +406,33 @@ def test_replays_are_in_the_page_and_no_other_script_may_run(real):
         assert played.tracks[1].name == "</script><b>"
         assert played.measured[played.worst] == pytest.approx(told["f_again"], abs=1e-3)
     assert len(html) < 3_000_000
+
+
+def test_replays_play_in_a_browser_from_the_file_alone(real, browser):
+    page = browser.new_page(viewport={"width": 390, "height": 800}, offline=True)
+    page.set_default_timeout(with_browser.PATIENCE_MS)
+    wrong: list[str] = []
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
+    page.goto(real[0].as_uri())
+    player = page.locator(".player").first
+    told, slider, button = player.locator("output"), player.locator("input"), player.locator("button")
+    worst = told.inner_text()
+    slider.fill("0")
+    assert told.inner_text().startswith("0.0 s, ttc")
+    button.click()
+    page.wait_for_function("document.querySelector('.player input').value > 0")
+    slider.fill("2")  # whoever scrubs stops it
+    assert button.inner_text() == "Play"
+    assert told.inner_text().startswith("0.2 s, ttc")
+    assert worst.split(",")[0] == f"{real[1]['dangerous'][0]['worst_at_s']:.1f} s"
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    drawn = "c => new Set(c.getContext('2d').getImageData(0, 0, c.width, c.height).data).size"
+    assert player.locator("canvas").first.evaluate(drawn) > 10
+    page.emulate_media(media="print")
+    assert not player.is_visible()
+    assert wrong == []
+    page.close()
 
 
 def scripts(html: str) -> list[tuple[str, str]]:
