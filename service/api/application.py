@@ -54,8 +54,11 @@ class Application:
         self.limits = limits
         self._seen = seen
         self._background = Background(limits.wait_s)
+        self._replays = Background(
+            limits.wait_s, most=limits.pending
+        )  # records read again: not behind the long ones
         self._state = StateAnswers(fleet, catalogue)
-        jobs, results = JobAnswers(fleet, catalogue, limits), ResultAnswers(fleet)
+        jobs, results = JobAnswers(fleet, catalogue, limits), ResultAnswers(fleet, self._replays)
         records = Records(fleet)
         dangerous = DangerousAnswers(records, self._background, limits)
         findings = FindingAnswers(records, self._background, limits)
@@ -97,6 +100,7 @@ class Application:
 
     def close(self) -> None:
         self._background.close()
+        self._replays.close()
         self._state.close()
 
     def _told(self, found: msgspec.Struct | File) -> Answer:

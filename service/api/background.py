@@ -47,6 +47,11 @@ class Background:
                     if self._known.get(key) is future:
                         del self._known[key]
 
+    def forget(self, key: Hashable) -> None:
+        """Compute it anew when it is asked for again."""
+        with self._lock:
+            self._known.pop(key, None)
+
     def _drop(self) -> None:
         for key in [k for k, f in self._known.items() if f.done()][: max(0, len(self._known) - KEPT)]:
             del self._known[key]

@@ -6,6 +6,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from service.api.background import Background
 from service.api.objects import (
     Curve,
     CurvePoint,
@@ -25,17 +26,19 @@ from service.store.jobs import Event as StoredEvent
 class ResultAnswers:
     """What is answered on jobs/ID/estimate, curve, iterations and events."""
 
-    def __init__(self, fleet: Fleet):
-        self._fleet = fleet
+    def __init__(self, fleet: Fleet, replays: Background):
+        self._fleet, self._replays = fleet, replays
 
     def estimate(self, asked: AskEstimate, job: str) -> Estimate:
         status = self._fleet.job(job).status
+        self._make_ready(job)
         found = self._fleet.estimate(job, asked.gamma, asked.confidence)
         return msgspec.convert(finite(found) | {"job": job, "status": status}, Estimate)
 
     def curve(self, asked: AskCurve, job: str) -> Curve:
         view = self._fleet.job(job)
         gammas = _thresholds(asked, view.gamma)
+        self._make_ready(job)
         curve = self._fleet.curve(job, gammas, asked.confidence)
         points = zip(
             curve.gammas,
@@ -57,6 +60,13 @@ class ResultAnswers:
                 for g, p, s, low, high, n, ess in points
             ),
         )  # fmt: skip
+
+    def _make_ready(self, job: str) -> None:
+        """Have the job's record replayed where it is not at hand; ApiError "working" while that takes."""
+        if not self._fleet.at_hand(job):
+            key = ("replay", job)
+            self._replays.get(key, lambda: self._fleet.make_ready(job))
+            self._replays.forget(key)  # the job may be put away again
 
     def iterations(self, asked: IterationsPage, job: str) -> Iterations:
         rows = self._fleet.iterations(job, asked.after, asked.limit + 1)

@@ -22,8 +22,8 @@ def address_of(text: str) -> tuple[str, int]:
     return host.strip("[]") or "127.0.0.1", int(port)
 
 
-def address_or_off(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    if value != OFF:
+def address_or_off(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    if value is not None and value != OFF:
         address_of(value)
     return value
 

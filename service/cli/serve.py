@@ -33,8 +33,9 @@ LOOPBACK = ("/127.", "/localhost:", "/[::1]")
               help="Share of the chunks that a second worker runs again, to compare.")  # fmt: skip
 @click.option("--chunk-seconds", type=click.FloatRange(0.01, 600), default=1.0, show_default=True,
               help="Work of a chunk: what a lost worker costs, and how often one asks.")  # fmt: skip
-@click.option("--dashboard", default=DEFAULT_ADDRESS, show_default=True, metavar="[HOST:]PORT|off",
-              callback=address_or_off, help="Where browsers find the dashboard.")  # fmt: skip
+@click.option("--dashboard", metavar="[HOST:]PORT|off", callback=address_or_off,
+              help="Where browsers find the dashboard.  "
+              f"[default: {DEFAULT_ADDRESS}; with --zenoh-config off, as it needs a client's keys]")  # fmt: skip
 @click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
               help="Zenoh configuration file, for TLS, passwords and access control.")  # fmt: skip
 def command(
@@ -44,7 +45,7 @@ def command(
     workers: int | None,
     audit_share: float,
     chunk_seconds: float,
-    dashboard: str,
+    dashboard: str | None,
     zenoh_config: str | None,
     api: ApiSettings,
 ) -> None:
@@ -89,6 +90,7 @@ def command(
         procs = core_count() if workers is None else workers
         if procs > 0:
             stack.callback(_local_worker(listen[0], procs, zenoh_config).stop)
+        dashboard = dashboard or (DEFAULT_ADDRESS if zenoh_config is None else OFF)
         if dashboard != OFF:
             stack.callback(_dashboard(listen[0], dashboard, zenoh_config).stop)
         click.echo(f"serving on {', '.join(listen)}, {procs} local worker processes", err=True)

@@ -15,7 +15,7 @@ from service.client import Client, NoAnswer, Refused
 log = logging.getLogger("tailroad.dashboard")
 
 T = TypeVar("T")
-THREADS = 4  # the service answers with as many
+THREADS = 8  # some wait for answers that take a while
 KEPT = 1000  # answers
 MOMENT_S = 1.0
 FOR_GOOD_S = 3600.0  # an answer that does not change any more

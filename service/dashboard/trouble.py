@@ -6,6 +6,7 @@ from service.api.objects import Wrong
 from service.client import NoAnswer, Refused
 
 AGAIN_S = 2.0
+LONG_S = 3.0  # for what takes long; asking holds one of the service's threads for a while
 WORKING = "Rollouts are run once more for this; it shows as soon as they are done."
 PASSING = {
     "working": "Being computed",
@@ -38,7 +39,7 @@ def trouble_of(error: Exception) -> Trouble:
     if kind in PASSING:
         again_s = problem.retry_after_s or AGAIN_S
         if kind == "working":
-            return Trouble(202, PASSING[kind], WORKING, again_s=again_s, working=True)
+            return Trouble(202, PASSING[kind], WORKING, again_s=max(again_s, LONG_S), working=True)
         return Trouble(503, PASSING[kind], problem.detail, again_s=again_s)
     if kind == "no-such-key":
         return Trouble(501, "This service cannot tell that", problem.detail,

@@ -139,6 +139,15 @@ class Fleet:
 
     # -- what they come to -----------------------------------------------------------------------------------
 
+    def at_hand(self, job: str) -> bool:
+        """Whether estimate and curve answer at once, without replaying the record."""
+        self._row(job)
+        return self._hub.statistics.at_hand(job)
+
+    def make_ready(self, job: str) -> None:
+        """Replay the record of a job that is over; a long one takes minutes."""
+        self._hub.statistics.last(job)
+
     def estimate(
         self, job: str, gamma: float | None = None, confidence: float | None = None
     ) -> dict[str, Any]:

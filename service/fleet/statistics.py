@@ -17,6 +17,7 @@ class Statistics:
     def __init__(self, store: JobStore):
         self._store = store
         self._lock = threading.Lock()
+        self._opening: dict[str, threading.Lock] = {}
         self._problems: dict[str, Problem] = {}
         self._turns: dict[str, Turn] = {}
         self._over: OrderedDict[str, None] = OrderedDict()
@@ -52,14 +53,27 @@ class Statistics:
             job, phase, iteration, start, stop
         )
 
+    def at_hand(self, job: str) -> bool:
+        """Whether `last` answers at once."""
+        with self._lock:
+            return job in self._turns
+
     def last(self, job: str) -> tuple[Problem, Turn]:
         """The job's problem and its last turn; a job that is over is replayed."""
         problem = self.problem(job)
         with self._lock:
             turn = self._turns.get(job)
-        if turn is None:
-            turn = self.open(job)[1].turn
-            self.forget(job)  # it is over, else its turn would be here
+            opening = self._opening.setdefault(job, threading.Lock())
+        if turn is not None:
+            return problem, turn
+        with opening:  # a long record is replayed once for all who ask
+            with self._lock:
+                turn = self._turns.get(job)
+            if turn is None:
+                turn = self.open(job)[1].turn
+                self.forget(job)  # it is over, else its turn would be here
+        with self._lock:
+            self._opening.pop(job, None)
         return problem, turn
 
     def forget(self, job: str) -> None:

@@ -1,5 +1,6 @@
 """A job: what is known of p, how it came about, what the search learned, what it cost, how to run it again."""
 
+import asyncio
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from service.dashboard.site import Part, Site
 
 ITERATIONS_PAGE = 1000
 CURVE_STEPS = 41
+PRELIMINARY_S = 0.25  # after which the last batch's record stands for the estimate
 ALL_KINDS = ("status", "iteration", "progress")
 
 
@@ -38,10 +40,17 @@ async def head(site: Site, request: Request) -> dict[str, Any]:
 
 
 async def answer(site: Site, request: Request) -> dict[str, Any]:
-    """p with its interval, and what bears on how far it can be relied on."""
+    """p with its interval, and what bears on how far it can be relied on; until the service has replayed a long record
+    for that, what the last batch came to."""
     job = await job_of(site, request)
-    estimate = await estimate_of(site, job)
-    return {"job": job, "estimate": estimate, "over": job.status in OVER}
+    asking = asyncio.ensure_future(estimate_of(site, job))
+    asking.add_done_callback(lambda late: late.cancelled() or late.exception())
+    done, _ = await asyncio.wait([asking], timeout=PRELIMINARY_S)
+    if done:
+        return {"job": job, "estimate": asking.result(), "over": job.status in OVER, "last": None}
+    steps = await steps_of(site, job)
+    last = steps.estimate[-1] if steps.estimate else None
+    return {"job": job, "estimate": None, "over": job.status in OVER, "last": last, "again_s": PRELIMINARY_S}
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from service.api.objects import RolloutView
 from service.client import Client
 from service.dashboard.charts import Chart, Mark, Series, figure
 from service.dashboard.link import FOR_GOOD_S
+from service.dashboard.pages.failures import ENDS
 from service.dashboard.site import Part, Site
 from service.failures.playback import Playback
 
@@ -83,6 +84,7 @@ async def facts(site: Site, request: Request) -> dict[str, Any]:
     playback = view.playback
     return {
         "view": view,
+        "ends": ENDS,
         "playback": playback,
         "figures": [] if playback is None else [figure(chart) for chart in over_time(playback)],
     }

@@ -32,7 +32,8 @@ async function fetchPart(part, known) {
     const answer = await fetch(part.dataset.part, { headers: { accept: "text/html" } });
     const html = await answer.text();
     again = answer.headers.get("retry-after");
-    if (answer.headers.get("content-type")?.startsWith("text/html")) show(part, html);
+    const passing = answer.status === 503 && !part.hasAttribute("aria-busy"); // what is shown is better than that
+    if (!passing && answer.headers.get("content-type")?.startsWith("text/html")) show(part, html);
   } catch {
     again = "3"; // the dashboard itself is not there; the event source says so
   }

