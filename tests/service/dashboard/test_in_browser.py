@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,8 +10,10 @@ import pytest
 
 from service.api.server import Api
 from service.client import Client
+from service.fleet.messages import Answer, Failed, Lease
 from tests.service.api.conftest import LIMITS, Service, open_service
 from tests.service.dashboard.conftest import PATIENCE_MS, dashboard_of
+from tests.service.fleet.light import LightRunner, LightWorker
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +47,14 @@ def test_a_service_without_jobs_says_how_to_submit_one(page):
     page.get_by_text("tailroad submit").wait_for()
 
 
+class Unhurried(LightRunner):
+    """Takes its time, and none of the processor's."""
+
+    def run(self, lease: Lease) -> Answer | Failed:
+        threading.Event().wait(0.2)
+        return super().run(lease)
+
+
 @pytest.fixture(scope="module")
 def ended(service: Service) -> tuple[str, str]:
     """Two jobs that are done, on the same draws, with a few dangerous rollouts each."""
@@ -68,11 +79,13 @@ def test_a_job_is_submitted_and_its_estimate_moves_before_the_eyes(page, service
     page.get_by_label("Ego", exact=True).select_option("idm")
     page.get_by_label("Threshold").fill("0.4")
     page.get_by_label("Method", exact=True).select_option("naive")
-    page.get_by_label("Budget").fill("100000")
+    page.get_by_label("Budget").fill("20000")
+    page.get_by_text("More settings").click()
+    page.get_by_label("Options of the method").fill("batch_size=500")
     page.get_by_role("button", name="Submit").click()
     page.get_by_role("heading", name="<b>Müller & Co</b>").wait_for()
     page.get_by_text("No estimate yet").wait_for()
-    worker = service.worker("watched")
+    worker = LightWorker(service.port, "watched", Unhurried)
     try:
         first = page.locator("#estimate")
         first.wait_for()
