@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate test check bench bench-camera calibration guides faults bench-fleet fuzz drivers ego-vision schema example-ego format clean
+.PHONY: help estimate test check bench bench-camera calibration guides faults bench-fleet fuzz foreign-clients drivers ego-vision schema example-ego format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
@@ -17,6 +17,7 @@ help:
 	@echo "make faults     kill workers and scheduler many times, play long random fleets (half an hour or more)"
 	@echo "make bench-fleet  what the scheduler costs with 200 workers and over a million rollouts"
 	@echo "make fuzz       100,000 wrong inputs to everything that reads from outside (an hour; goes on where it stopped)"
+	@echo "make foreign-clients  build zenohd with its REST plugin and a client in Rust, and use the service by them (needs cargo; long)"
 	@echo "make drivers DATA=DIR  train the shipped weights again and remake their cards (hours on one core)"
 	@echo "make ego-vision  train the shipped vision ego again, with its card (an hour on one core; needs no data)"
 	@echo "make schema     make the Python code of the egos' messages anew"
@@ -54,6 +55,11 @@ faults: $(VENV)/.installed-dev
 
 fuzz: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.fuzz.run --payloads 100000 --seed 1 --out build/fuzz
+
+# Zenoh's own router from the crates registry, HTTP through it, and the client in Rust. It is for the tests: quick to build.
+foreign-clients: $(VENV)/.installed-dev
+	OPT_LEVEL=0 nice -n 15 deploy/examples/http-gateway/build build/foreign-clients 1 tcp
+	$(BIN)/python -m pytest -m long tests/deploy/test_foreign_clients.py
 
 bench-fleet: $(VENV)/.installed-dev
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench.fleet_scale overhead

@@ -41,7 +41,10 @@ def test_the_compose_file_fits_its_schema():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("path", [DEPLOY / "zenoh" / "make-security", DEPLOY / "slurm" / "tailroad.sbatch"])
+SCRIPTS = ("zenoh/make-security", "slurm/tailroad.sbatch", "examples/http-gateway/build")
+
+
+@pytest.mark.parametrize("path", [DEPLOY / script for script in SCRIPTS], ids=lambda p: p.name)
 def test_shell_scripts_are_clean(path):
     done = run(TOOLS / "shellcheck", path)
     assert done.returncode == 0, done.stdout

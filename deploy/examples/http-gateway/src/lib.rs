@@ -1,0 +1,1 @@
+//! Nothing: this package only pins the versions of the router and its plugin (see `build`).
