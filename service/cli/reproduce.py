@@ -120,7 +120,7 @@ def _watch(bar: Progress, task: TaskID, total: int) -> Watch:
     def on_part(what: str, rollouts: int) -> None:
         bar.update(task, note=what)
         if not stderr.is_terminal:
-            click.echo(f"{what}: at most {rollouts:,} rollouts", err=True)
+            click.echo(f"{what}: at most {rollouts:,} rollouts" if rollouts else what, err=True)
 
     def on_rollouts(count: int) -> None:
         nonlocal done, told
