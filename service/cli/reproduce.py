@@ -129,6 +129,7 @@ def _watch(bar: Progress, task: TaskID, total: int) -> Watch:
         now = time.monotonic()
         if not stderr.is_terminal and now - told > TOLD_EVERY_S:
             told = now
-            click.echo(f"{done:,} of {total:,} rollouts, {now - began:.0f} s", err=True)
+            of = f" of {total:,}" if total else ""
+            click.echo(f"{done:,}{of} rollouts, {now - began:.0f} s", err=True)
 
     return Watch(on_part, on_rollouts)

@@ -23,9 +23,7 @@ def peers_page(scale: str, out: Path, command: str, tell: Callable[[str], None])
     found = timed(rounds, rollouts, out / "peers", tell)
     rows = []
     for one in found:
-        speed = np.array(one.speed)
-        said = f"{number(float(np.median(speed)), 3)} ({number(speed.min(), 3)} to {number(speed.max(), 3)})"
-        rows.append((one.name, said if speed.size else "–", one.failed or one.what))
+        rows.append((one.name, _said(one.speed), one.failed or one.what))
     return Page(
         f"peers-{scale}",
         f"Beside other simulators ({scale})",
@@ -48,3 +46,10 @@ def peers_page(scale: str, out: Path, command: str, tell: Callable[[str], None])
         [],
         found,
     )
+
+
+def _said(speed: tuple[float, ...]) -> str:
+    """Median and range."""
+    if not speed:
+        return "–"
+    return f"{number(float(np.median(speed)), 3)} ({number(min(speed), 3)} to {number(max(speed), 3)})"

@@ -32,6 +32,7 @@ class Peer(msgspec.Struct, frozen=True):
 PEERS = (
     Peer("highway-env", ("highway-env==1.12.1",), "time_highway_env.py"),
     Peer("Scenic", ("scenic==3.1.1",), "time_scenic.py"),
+    Peer("TeraSim", ("terasim==0.1.0",), "time_terasim.py"),
 )
 
 
