@@ -1,5 +1,6 @@
 """The page on scale: local cores measured, larger fleets played, and what that is against driving in the real world."""
 
+import os
 from collections.abc import Callable
 
 import numpy as np
@@ -28,9 +29,9 @@ class Size:
 
 SIZES = {
     "smoke": Size((1, 10), 50, 20),
-    "small": Size((1, 10, 100, 1000), 40, 100),
-    "medium": Size((1, 10, 100, 300, 1000), 100, 300),
-    "paper": Size((1, 2, 5, 10, 20, 50, 100, 200, 500, 1000), 400, 1000),
+    "small": Size((1, 10, 100, 1000), 200, 100),
+    "medium": Size((1, 10, 100, 300, 1000), 500, 300),
+    "paper": Size((1, 2, 5, 10, 20, 50, 100, 200, 500, 1000), 2000, 1000),
 }
 
 
@@ -41,6 +42,7 @@ def scale_page(scale: str, cores: int, command: str, tell: Callable[[str], None]
     tell(f"timing {size.measured} rollouts in SUMO")
     rollout_s = measure(make_job(scenario, EGO, 0.5, "naive", 1, {}), size.measured)
     tell(f"local pools of up to {cores} workers")
+    load = os.getloadavg()[0]
     local = bench.scaling(scenario, EGO, size.measured, sorted({1, 2, cores} & set(range(1, cores + 1))))
     reaches: dict[str, list[Reach]] = {}
     for name, batch in BATCHES.items():
@@ -65,7 +67,7 @@ def scale_page(scale: str, cores: int, command: str, tell: Callable[[str], None]
         f"scale-{scale}",
         f"Scale ({scale})",
         introduction,
-        [_local_table(local), *(_fleet_table(name, r, sim_s) for name, r in reaches.items())],
+        [_local_table(local, load, cores), *(_fleet_table(name, r, sim_s) for name, r in reaches.items())],
         [("scale.svg", _picture(reaches))],
         {"rollout_s": rollout_s.tolist(), "local": local, "fleets": reaches},
     )
@@ -77,12 +79,13 @@ def _job(scenario, rollouts: int, batch: int | None) -> Job:
     )
 
 
-def _local_table(local: list[dict[str, float]]) -> Table:
+def _local_table(local: list[dict[str, float]], load: float, cores: int) -> Table:
     rows = tuple(
         (count(r["workers"]), number(r["rollouts_per_s"], 3), number(r["efficiency"])) for r in local
     )
     return Table("Local cores, measured", ("workers", "rollouts/s", "efficiency"), rows,
-                 "By the wall clock: whatever else the machine does at the time slows all of them.")  # fmt: skip
+                 f"By the wall clock, beside whatever else the machine did: its load average was {load:.1f} on {cores} "
+                 "cores when it began. Only an idle machine tells the efficiency.")  # fmt: skip
 
 
 def _fleet_table(name: str, reaches: list[Reach], sim_s: float) -> Table:
