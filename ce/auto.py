@@ -155,9 +155,12 @@ class Auto(Posed):
             MixtureOptions(left, rel_error=precision, confidence=sure, batch_size=size),
         )
 
+    @functools.lru_cache(maxsize=1)  # noqa: B019 (one state, from `propose` to the `update` that answers it)
+    def _opened(self, stage: str, spent: int, inner: bytes):
+        return self._inner(stage, spent).from_bytes(inner)
+
     def _open(self, state: AutoState):
-        inner = self._inner(state.stage, state.spent)
-        return inner, inner.from_bytes(state.inner)
+        return self._inner(state.stage, state.spent), self._opened(state.stage, state.spent, state.inner)
 
     def _switched(self, state: AutoState, inner: Algorithm, within) -> AutoState:
         """The state of the stage that the diagnostics call for."""

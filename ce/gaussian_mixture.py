@@ -13,7 +13,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.special import logsumexp
 
 from ce.streams import CHUNK, generator
 
@@ -74,7 +73,10 @@ def _shifted(mixture: Mixture, z: Array, pick: Array) -> Array:
 
 def log_ratio(mixture: Mixture, u: Array) -> Array:
     """log q(u) - log phi(u), (n,)."""
-    return logsumexp(np.stack(_log_terms(mixture, u)), axis=0)
+    terms = np.stack(_log_terms(mixture, u))
+    top = terms.max(axis=0)
+    terms -= top
+    return np.log(np.exp(terms, out=terms).sum(axis=0)) + top
 
 
 def nearest(mixture: Mixture, u: Array) -> NDArray[np.intp]:
@@ -103,5 +105,5 @@ def _log_terms(mixture: Mixture, u: Array) -> list[Array]:
 
 def log_normal(y: Array, mean: Array, factor: Array) -> Array:
     """log N(y; mean, factor factor^T) + (r/2) log(2 pi), (n,), of y (n, r)."""
-    white = solve_triangular(factor, (y - mean).T, lower=True)
-    return -0.5 * np.sum(white**2, axis=0) - float(np.sum(np.log(np.diagonal(factor))))
+    white = solve_triangular(factor, (y - mean).T, lower=True, check_finite=False)
+    return -0.5 * np.einsum("in,in->n", white, white) - float(np.sum(np.log(np.diagonal(factor))))

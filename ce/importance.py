@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ce.naive import record_of
 from ce.posed import Posed
 from ce.product import Product
-from ce.results import Condition, Estimate, FailedRollout
+from ce.results import SAMPLING_SHARE, Condition, Estimate, FailedRollout
 from ce.state import EstimationRecord
 from ce.stopping import counted, next_look, spending
 
@@ -52,6 +52,7 @@ class ImportanceSampling(Posed):
             search_warnings=tuple(self._search_conditions(state)),
             base_f=state.base_f,
             spending=spending(state.looks, state.phase == "done") if first else 1.0,
+            sampling_share=SAMPLING_SHARE,
             **self._extra(state),
         )
 

@@ -16,6 +16,7 @@ elite. The estimate itself uses fresh samples only: proposals depend on the earl
 all of them would not be honest.
 """
 
+import functools
 import math
 from dataclasses import dataclass, field
 from typing import Any
@@ -148,8 +149,16 @@ class MixtureSampling(ImportanceSampling):
     def _start(self, state: MixtureState) -> int:
         return state.f.size if state.phase == "estimate" else 0
 
+    @functools.lru_cache(maxsize=1)  # noqa: B019 (one batch, from `propose` to the `update` that answers it)
     def _standard(self, state: MixtureState) -> tuple[Array, NDArray[np.uint64]]:
-        """The batch in standard-normal space and its noise: drawn again rather than kept."""
+        """The batch in standard-normal space and its noise, read only: a function of the state, which does not keep
+        them."""
+        u, noise = self._drawn(state)
+        u.setflags(write=False)
+        noise.setflags(write=False)
+        return u, noise
+
+    def _drawn(self, state: MixtureState) -> tuple[Array, NDArray[np.uint64]]:
         if state.phase == "look":
             assert state.look is not None
             return look.batch(state.look, self.options.look_sizes()[0], state.seed, state.iteration)
@@ -367,7 +376,7 @@ def _hints(mixture: Mixture, u: Array, f: Array, older: int, new: NDArray[np.int
     groups += [np.flatnonzero(label == j) for j in range(label.max() + 1)] if label.max() > 0 else []
     found = []
     for rows in groups:
-        direction = downhill(u[rows], f[rows])
+        direction = downhill(u[rows], f[rows], np.flatnonzero(np.isin(rows, new)))
         if direction is None:
             continue
         own = np.zeros(u.shape[0])

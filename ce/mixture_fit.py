@@ -10,17 +10,17 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
-from ce.gaussian_mixture import Part, log_normal
+from ce.gaussian_mixture import Part
 from ce.regression import Direction
 from ce.subspace import find
 
 Array = NDArray[np.float64]
 
 _ITERATIONS = 20
-PATIENCE = 4  # numbers of components without a gain after which no larger one is tried
-MOST_SAMPLES = 4000  # that EM goes over, a random choice of them
+SETTLED = 0.2  # nats of the whole likelihood that another iteration must gain
+PATIENCE = 3  # numbers of components without a gain after which no larger one is tried
+MOST_SAMPLES = 1200  # that EM goes over, a random choice of them
 _COUNTS = (1, 2, 3, 4, 6, 8, 12)
 FEW = 3  # dimensions
 FORMS = ("full", "diagonal", "spiked")
@@ -45,11 +45,19 @@ def fit(
         ess = min(ess, 1.0 / float(np.sum(w * w)))
     best: tuple[float, Array, Array, Array] | None = None
     worse = 0
+    forms: tuple[str, ...] = FORMS if r > 1 else ("full",)
     for k in _COUNTS if r else (1,):
         if k > most_components or (k > 1 and ess < 8.0 * k):
             break
+        eligible = forms if k == 1 else tuple(form for form in forms if not _too_many(form, k, r, ess))
+        if not eligible:
+            break
         seeds = _seeded(y, w, k, source)
-        trial = _best(y, w, seeds, ess)
+        trials = {form: _em(y, w, seeds, ess, form) for form in eligible}
+        chosen = max(trials, key=lambda form: trials[form][0])
+        trial = trials[chosen]
+        if k > 1:
+            forms = (chosen,)  # of many components as of two
         if best is None or trial[0] > best[0]:
             best, worse = trial, 0
         else:
@@ -124,11 +132,13 @@ def _seeded(y: Array, w: Array, k: int, source: np.random.Generator) -> Array:
             at = int(np.searchsorted(mass, source.random() * mass[-1]).clip(0, n - 1))
             centres = np.vstack([centres, y[at]])
         for _ in range(8):
-            label = _distances(y, centres).argmin(axis=1)
-            for j in range(k):
-                mine = label == j
-                if w[mine].sum() > 0:
-                    centres[j] = w[mine] @ y[mine] / w[mine].sum()
+            mine = np.eye(k)[_distances(y, centres).argmin(axis=1)] * w[:, None]
+            total = mine.sum(axis=0)
+            moved = (mine.T @ y) / np.maximum(total, 1e-300)[:, None]
+            moved = np.where(total[:, None] > 0, moved, centres)
+            if np.array_equal(moved, centres):
+                break
+            centres = moved
         distances = _distances(y, centres)
         inertia = float(w @ distances.min(axis=1))
         if inertia < best_inertia:
@@ -141,58 +151,67 @@ def _distances(y: Array, centres: Array) -> Array:
     return np.maximum(squares, 0.0)
 
 
-def _best(y: Array, w: Array, seeds: Array, ess: float) -> tuple[float, Array, Array, Array]:
-    """Of the forms that the covariances may have."""
-    forms = FORMS if y.shape[1] > 1 else ("full",)
-    return max((_em(y, w, seeds, ess, form) for form in forms), key=lambda t: t[0])
+def _too_many(form: str, k: int, r: int, ess: float) -> bool:
+    """Full covariances need samples enough for them; the other forms are what is left."""
+    return form == "full" and r > 1 and _parameters(form, k, r) > ess
 
 
-def _covariance(form: str, centred: Array, own: Array, count: float, mean: Array) -> Array:
-    """Of one component with samples `centred` (n, r), weights own (n,) that sum to one and are worth `count`."""
-    identity = np.eye(mean.size)
+def _covariances(form: str, raw: Array, counts: Array, means: Array) -> Array:
+    """Of k components with sample covariances `raw` (k, r, r) from samples worth `counts` (k,), shrunk towards I."""
+    r = means.shape[1]
+    identity = np.eye(r)
+    n = counts[:, None, None]
     if form == "spiked":  # as the base's but for the direction of the mean, where an event cuts
-        length2 = float(mean @ mean)
-        if not length2 > 0:
-            return identity
-        along = centred @ mean
-        spread = float(own @ (along * along)) / length2
-        shrunk = (count * spread + 2.0) / (count + 2.0)
-        return identity + (shrunk - 1.0) * np.outer(mean, mean) / length2
+        length2 = np.maximum(np.sum(means * means, axis=1), 1e-300)
+        spread = np.einsum("ki,kij,kj->k", means, raw, means) / length2
+        excess = (counts * spread + 2.0) / (counts + 2.0) - 1.0
+        return identity + (excess / length2)[:, None, None] * means[:, :, None] * means[:, None, :]
     if form == "diagonal":
-        return (count * np.diag(own @ (centred * centred)) + 2.0 * identity) / (count + 2.0)
-    prior = mean.size + 1.0
-    return (count * ((own[:, None] * centred).T @ centred) + prior * identity) / (count + prior)
+        return (n * raw * identity + 2.0 * identity) / (n + 2.0)
+    return (n * raw + (r + 1.0) * identity) / (n + r + 1.0)
 
 
 def _em(
     y: Array, w: Array, responsibility: Array, ess: float, form: str
 ) -> tuple[float, Array, Array, Array]:
-    """BIC (higher is better), shares, means, covariances."""
+    """BIC (higher is better), shares, means, covariances; responsibility: (n, k) to begin with."""
     r, k = y.shape[1], responsibility.shape[1]
     previous = -math.inf
+    columns = np.ascontiguousarray(y.T)
+    share_of = np.ascontiguousarray(responsibility.T)
     for _ in range(_ITERATIONS):
-        mass = w[:, None] * responsibility
-        shares = mass.sum(axis=0)
-        shares = np.maximum(shares, 1e-10) / np.maximum(shares, 1e-10).sum()
-        means, covariances = np.zeros((k, r)), np.zeros((k, r, r))
+        mass = share_of * w
+        total = mass.sum(axis=1)
+        shares = np.maximum(total, 1e-10) / np.maximum(total, 1e-10).sum()
+        own = mass / np.maximum(total, 1e-300)[:, None]
+        counts = total**2 / np.maximum(np.einsum("kn,kn->k", mass, mass), 1e-300)
+        means = own @ y
+        # Around each mean, not second moments less its square: both may be large beside the variance.
+        raw = np.empty((k, r, r))
         for j in range(k):
-            own = mass[:, j] / max(mass[:, j].sum(), 1e-300)
-            count = mass[:, j].sum() ** 2 / max(float(np.sum(mass[:, j] ** 2)), 1e-300)
-            means[j] = own @ y
-            covariances[j] = _covariance(form, y - means[j], own, count, means[j])
-        logs = np.stack(
-            [
-                math.log(s) + log_normal(y, m, np.asarray(np.linalg.cholesky(c), dtype=np.float64))
-                for s, m, c in zip(shares, means, covariances, strict=True)
-            ],
-            axis=1,
-        )
-        total = logsumexp(logs, axis=1)
-        likelihood = float(w @ total)
-        if k == 1 or likelihood - previous < 1e-4:
+            centred = columns - means[j][:, None]
+            raw[j] = (centred * own[j]) @ centred.T
+        covariances = _covariances(form, raw, counts, means)
+        factors = np.linalg.cholesky(covariances)
+        inverses = np.linalg.inv(factors)
+        logs = np.empty((k, y.shape[0]))
+        for j in range(k):
+            white = inverses[j] @ columns - (inverses[j] @ means[j])[:, None]
+            np.einsum("in,in->n", white, white, out=logs[j])
+        logs *= -0.5
+        logs += (np.log(shares) - np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1))[:, None]
+        top = logs.max(axis=0)
+        np.exp(logs - top, out=logs)
+        density = logs.sum(axis=0)
+        likelihood = float(w @ (np.log(density) + top))
+        if k == 1 or likelihood - previous < max(1e-4, SETTLED / ess):
             break
         previous = likelihood
-        responsibility = np.exp(logs - total[:, None])
+        share_of = logs / density
+    penalty = 0.5 * _parameters(form, k, r) * math.log(max(ess, 2.0))
+    return ess * likelihood - penalty, shares, means, covariances
+
+
+def _parameters(form: str, k: int, r: int) -> int:
     spread = {"full": r * (r + 1) // 2, "diagonal": r, "spiked": 1}[form]
-    parameters = k * (r + spread) + k - 1
-    return ess * likelihood - 0.5 * parameters * math.log(max(ess, 2.0)), shares, means, covariances
+    return k * (r + spread) + k - 1

@@ -67,11 +67,16 @@ class Normal:
 
     def coloured(self, u: Array) -> Array:
         """u L^T, (n, d), of standard normal u (n, d)."""
-        return u @ self.factor.T
+        return u * np.diagonal(self.factor) if self.independent else u @ self.factor.T
 
     def whitened(self, centred: Array) -> Array:
         """The inverse of `coloured`, of x - mean (n, d)."""
         return solve_triangular(self.factor, centred.T, lower=True).T
+
+    @functools.cached_property
+    def independent(self) -> bool:
+        """No two coordinates are correlated: the factor is diagonal."""
+        return np.count_nonzero(self.factor) == self.dim
 
     @functools.cached_property
     def precision_mean(self) -> Array:

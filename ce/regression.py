@@ -23,16 +23,19 @@ LEAST_COSINE2 = (
 
 @dataclass(frozen=True)
 class Direction:
-    """vector: (d,), unit length, downhill; own: (n,) what each row's own residual adds to its projection; cosine2:
-    estimated squared cosine with the true direction."""
+    """vector: (d,), unit length, downhill; own: (n,) what each row's own residual adds to its projection, 0 where that
+    was not asked for; cosine2: estimated squared cosine with the true direction."""
 
     vector: Array
     own: Array
     cosine2: float
 
 
-def downhill(u: Array, f: Array) -> Direction | None:
-    """The direction for rows u (n, d) with values f (n,), which may hold NaN and infinities; None for none found."""
+def downhill(u: Array, f: Array, asked: NDArray[np.intp] | None = None) -> Direction | None:
+    """The direction for rows u (n, d) with values f (n,), which may hold NaN and infinities; None for none found.
+
+    asked: the rows whose `own` is wanted (None: all of them), which is most of the work.
+    """
     n, d = u.shape
     rows = np.flatnonzero(np.isfinite(f))
     m = rows.size
@@ -46,7 +49,6 @@ def downhill(u: Array, f: Array) -> Direction | None:
         factor = cho_factor(gram, lower=True)
     except np.linalg.LinAlgError:
         return None
-    leverage = np.sum(solve_triangular(factor[0], x.T, lower=True) ** 2, axis=0) + 1.0 / m
     best: tuple[float, Array, Array] | None = None
     for clip in (1.0, 0.5):  # f as it is; f where it is low, level above
         values = np.minimum(y, np.quantile(y, clip))
@@ -67,5 +69,8 @@ def downhill(u: Array, f: Array) -> Direction | None:
     if not length > 0.0:
         return None
     own = np.zeros(n)
-    own[rows] = -(leverage * residual / np.maximum(1.0 - leverage, 1e-3)) / length
+    some = np.arange(m) if asked is None else np.flatnonzero(np.isin(rows, asked))
+    half = solve_triangular(factor[0], x[some].T, lower=True, check_finite=False)
+    leverage = np.einsum("in,in->n", half, half) + 1.0 / m
+    own[rows[some]] = -(leverage * residual[some] / np.maximum(1.0 - leverage, 1e-3)) / length
     return Direction(-slope / length, own, cosine2)

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import stdtrit
+from scipy.special import chdtri, stdtrit
 
 from ce.interval import clopper_pearson
-from ce.results import Condition, Curve, Estimate, Trace
+from ce.results import FEW_EVENTS, Condition, Curve, Estimate, Trace
 
 Array = NDArray[np.float64]
 
@@ -20,14 +20,16 @@ DOMINANT_REPLICATION = 0.4  # share of one replication in p above which it is sa
 class ReplicatedEstimate(Estimate):
     """p is the mean over R replications; each is a set of weighted values of f whose weights sum to one.
 
-    f, log_weights, replication: (n,) value, log weight and replication of each. std_error: of the mean of R
-    independent values. ci: Student's t on R - 1 degrees of freedom on the logarithm of p (delta method), because
-    replications are skewed; without events, from 0 to what the last level reached leaves open. ess: (p / std_error)^2,
-    the number of events that naive Monte Carlo would need for this precision. max_weight_share: the largest
-    replication's share of p.
+    f, log_weights, replication: (n,) value, log weight and replication of each; levels: (L,) fixed thresholds, falling.
+    std_error: of the mean of R independent values, but not below what the spread of each level's own probability over
+    the replications adds up to: a few skewed values often look more alike than they are, their factors less so. ci:
+    Student's t on R - 1 degrees of freedom on the logarithm of p (delta method), because replications are skewed;
+    without events, from 0 to what the last level reached leaves open. ess: (p / std_error)^2, the number of events that
+    naive Monte Carlo would need for this precision. max_weight_share: the largest replication's share of p.
     """
 
     replication: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64), repr=False)
+    levels: Array = field(default_factory=lambda: np.zeros(0), repr=False)
 
     @functools.cached_property
     def _replications(self) -> int:
@@ -47,6 +49,12 @@ class ReplicatedEstimate(Estimate):
         return float(values.max() / values.sum()) if values.size and values.sum() > 0 else 0.0
 
     @property
+    def _least_ess(self) -> float:
+        """Lower 95% limit of `ess`, by the chi-squared distribution of a variance of R values."""
+        runs = self._replications
+        return self.ess * float(chdtri(runs - 1, 0.95)) / (runs - 1) if runs > 1 else 0.0
+
+    @property
     def relative_half_width(self) -> float:
         """Half the interval over p; infinite without events."""
         low, high = self.ci
@@ -56,6 +64,16 @@ class ReplicatedEstimate(Estimate):
     def warnings(self) -> tuple[Condition, ...]:
         """As of any estimate, but that one replication may carry more than one rollout may."""
         usual = tuple(w for w in super().warnings if w.name != "dominant-weight")
+        if self.ess >= FEW_EVENTS > self._least_ess and self.events:
+            usual = (
+                *usual,
+                Condition(
+                    "few-events",
+                    f"worth {self.ess:.0f} events by the spread of {self._replications} replications, which may be as "
+                    f"few as {self._least_ess:.0f} (fewer than {FEW_EVENTS:g}): the standard error is itself uncertain",
+                    "a larger budget; rely on the interval rather than on p +- std_error",
+                ),
+            )
         if self.max_weight_share <= DOMINANT_REPLICATION:
             return usual
         return (
@@ -83,11 +101,28 @@ class ReplicatedEstimate(Estimate):
         t = float(stdtrit(runs - 1, 0.5 + 0.5 * self._sure))
         some = p > 0
         relative = np.where(some, std_error / np.where(some, p, 1.0), 0.0)
+        relative = np.where(some, np.maximum(relative, self._relative_floor(gammas)), 0.0)
+        std_error = relative * p
         low, high = p * np.exp(-t * relative), np.minimum(p * np.exp(t * relative), 1.0)
         high = np.where(some, high, self._bound())
         failed = self._weights[np.isnan(self.f)].sum() / runs
         ess = np.where(relative > 0, np.where(relative > 0, relative, 1.0) ** -2.0, counts)
         return Curve(gammas, p, std_error, low, np.minimum(high + failed, 1.0), counts, ess, nan)
+
+    def _relative_floor(self, gammas: Array) -> Array:
+        """Relative standard error at each threshold (m,), by the levels down to it: the square root of the sum of
+        var(p_l) / (R mean(p_l)^2), p_l the share of a level's sample below the next, as if levels were independent."""
+        passed = self.levels[self.levels > np.min(gammas, initial=math.inf)]
+        out = np.zeros(gammas.size)
+        for i, gamma in enumerate(gammas):
+            down = np.append(passed[passed > gamma], gamma)
+            reached = np.vstack([np.ones(self._replications), self._values(down)[0].T])
+            if np.any(reached[-1] <= 0.0):
+                continue  # a replication without events: their spread says it
+            shares = reached[1:] / reached[:-1]
+            spread = shares.var(axis=1, ddof=1) / np.mean(shares, axis=1) ** 2
+            out[i] = math.sqrt(float(spread.sum()) / self._replications)
+        return out
 
     def _bound(self) -> float:
         """Upper end where nothing was found: of the largest weight there is, none of its tenth part."""

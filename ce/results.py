@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 FEW_EVENTS = 30.0  # effective events below which an importance-sampling standard error is not to be relied on
 HEAVY_TAIL = 0.7  # Pareto k of many events' weights above which the estimate is not to be relied on
 ENOUGH_EVENTS = 300.0  # effective events from which a heavy tail alone no longer widens the interval
+SAMPLING_SHARE = (
+    0.6  # of 1 - confidence, where an interval takes a proposal's or a move's quality on trust (README)
+)
 DOMINANT_SHARE = 0.1  # share of one event's weight in the estimate above which it is said so
 
 
@@ -106,6 +109,7 @@ class Estimate:
     spending: float = (
         1.0  # share of 1 - confidence that the interval may miss, where a run may stop at several looks
     )
+    sampling_share: float = 1.0  # of 1 - confidence, left to the error of sampling (README, "Intervals")
     mode_coverage: float = (
         math.nan
     )  # share of the event as looked for apart that the proposal covers; NaN: no look
@@ -123,7 +127,7 @@ class Estimate:
     @property
     def _sure(self) -> float:
         """Confidence of this look's interval by itself."""
-        return 1.0 - (1.0 - self.confidence) * self.spending
+        return 1.0 - (1.0 - self.confidence) * self.spending * self.sampling_share
 
     @property
     def estimation_rollouts(self) -> int:

@@ -27,7 +27,7 @@ from ce.naive import record_of
 from ce.posed import Posed
 from ce.product import Product
 from ce.replicated import ReplicatedEstimate
-from ce.results import Condition, FailedRollout
+from ce.results import SAMPLING_SHARE, Condition, FailedRollout
 from ce.standard import from_standard
 from ce.state import Batch, EstimationRecord, SplittingState, TrainingRecord
 from ce.streams import checked_seed, generator
@@ -215,7 +215,9 @@ class Splitting(Posed):
             search_warnings=tuple(self._conditions(state)),
             base_f=state.base_f,
             replication=state.replication,
+            levels=state.levels,
             spending=1.0 / self.options.looks,
+            sampling_share=SAMPLING_SHARE,
         )
 
     def proposal(self, state: SplittingState) -> Product:

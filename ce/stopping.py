@@ -71,7 +71,8 @@ def next_look(est: Estimate, n: int, limit: int, trial: int, looks: int) -> Plan
             return Plan(min(limit, 2 * n), 0, 0, False)  # a longer trial
         needed = 2 * est.f.size
     else:
-        z = float(ndtri(1.0 - 0.5 * (1.0 - est.confidence) * spending(made, False)))
+        share = est.sampling_share * spending(made, False)
+        z = float(ndtri(1.0 - 0.5 * (1.0 - est.confidence) * share))
         margin = MARGIN + DOUBT / math.sqrt(est.ess)
         needed = math.ceil(margin * est.f.size * (z * est.std_error / est.p / est.rel_error) ** 2)
         needed = max(needed, math.ceil(1.5 * FEW_EVENTS * est.f.size / est.ess))

@@ -1,11 +1,14 @@
 """Every method on every problem with a known probability, over many seeds: the table of `ce_calibration.md`.
 
-Run from the repository root: python -m tests.bench.ce_calibration [--seeds 200] [--seeds-large N] [--budget 20000 ...]
-[--method M ...] [--problem WORD ...] [--results FILE] [--table FILE]. Hours in all. Each finished run is a line of the
-results file, and runs that are already there are not done again, so it can be stopped and started at will. A line
-carries a digest of the sources that its method is made of (docstrings, comments and messages apart): lines of an
-earlier version of the algorithm are left out of the table and their runs are made again. --seeds-large: seeds in a
-hundred dimensions and more (as --seeds, if not given).
+Run from the repository root: python -m tests.bench.ce_calibration [--seeds 200] [--seeds-large N] [--budget 20000
+...] [--method M ...] [--problem WORD ...] [--results FILE] [--table FILE] [--keep]. Hours in all. Each finished run
+is a line of the results file, and runs that are already there are not done again, so it can be stopped and started at
+will; a results file that is not there begins as the runs kept in `ce_calibration.jsonl.xz`, which --keep writes anew.
+A line carries a digest of the sources that its method is made of (docstrings, comments and messages apart): lines of
+an earlier version of the algorithm are left out of the table and their runs are made again. --seeds-large: seeds in a
+hundred dimensions and more (as --seeds, if not given). Problem number j has seeds 1000 j, 1000 j + 1, ...: a method's
+normals depend on the seed alone, so with the same seeds a lucky one would be lucky in every row. A run of `mixture`
+is that of `auto` with the same seed where `auto` has stayed with it, and is then taken from there.
 
 Where OpenTURNS is installed (`pip install -e '.[peers]'`), its cross-entropy, NAIS and subset sampling are run on the
 same problems with --method ot-ce, ot-nais, ot-subset. Not all of these end: a run has TIME_LIMIT_S seconds and
@@ -20,6 +23,7 @@ import argparse
 import ast
 import hashlib
 import json
+import lzma
 import math
 import signal
 import sys
@@ -38,6 +42,8 @@ from tests.reference.problems import ALL, Problem
 
 HERE = Path(__file__).parent
 PROBLEMS = (*ALL, Problem("four modes among driver weights", traffic.base(), traffic.f, 0.0, traffic.P))
+SEEDS = {problem.name: 1000 * j for j, problem in enumerate(PROBLEMS)}  # first seed of each
+KEPT = HERE / "ce_calibration.jsonl.xz"
 LARGE = 100  # dimensions
 BLOCK = 10  # seeds after which the next problem has its turn
 TIME_LIMIT_S, CALL_LIMIT, HOPELESS = 60, 20, 3
@@ -174,6 +180,24 @@ def read(path: Path) -> Runs:
     return done
 
 
+def keep(done: Runs, path: Path) -> None:
+    """The runs, sorted and packed."""
+    lines = [json.dumps(run, sort_keys=True) for key in sorted(done) for run in _by_seed(done[key])]
+    path.write_bytes(lzma.compress("".join(line + "\n" for line in lines).encode(), preset=9))
+
+
+def _by_seed(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return sorted(runs, key=lambda run: run["seed"])
+
+
+def taken_over(done: Runs, problem: Problem, method: str, budget: int, seed: int) -> dict[str, Any] | None:
+    """The run as one that another method has made to the bit."""
+    if method != "mixture":
+        return None
+    same = [r for r in done[problem.name, "auto", budget] if r["seed"] == seed and r["by"] == "mixture"]
+    return {name: same[0][name] for name in ("p", "low", "high", "calls", "warned", "by")} if same else None
+
+
 def _append(path: Path, line: str) -> None:
     """A line of its own, also where the last one was cut short."""
     cut = path.exists() and path.read_bytes()[-1:] not in (b"", b"\n")
@@ -192,8 +216,11 @@ def main(arguments: list[str] | None = None, show: Callable[[str], None] = print
     )
     parser.add_argument("--results", type=Path, default=Path("build/ce_calibration.jsonl"))
     parser.add_argument("--table", type=Path, default=HERE / "ce_calibration.md")
+    parser.add_argument("--keep", action="store_true", help=f"pack the runs into {KEPT.name} at the end")
     given = parser.parse_args(arguments)
     given.results.parent.mkdir(parents=True, exist_ok=True)
+    if not given.results.exists() and KEPT.exists():
+        given.results.write_bytes(lzma.decompress(KEPT.read_bytes()))
     large = given.seeds if given.seeds_large is None else given.seeds_large
     versions = {method: version(method) for method in given.method}
     done = read(given.results)
@@ -205,16 +232,22 @@ def main(arguments: list[str] | None = None, show: Callable[[str], None] = print
                 for method in given.method:
                     runs = done[problem.name, method, budget]
                     had = {r["seed"] for r in runs}
-                    for seed in sorted(set(range(first, last)) - had):
+                    begin = SEEDS[problem.name]
+                    for seed in sorted(set(range(begin + first, begin + last)) - had):
                         if sum(r["p"] is None for r in runs) >= HOPELESS and runs[-1]["p"] is None:
                             break
                         record = {"problem": problem.name, "method": method, "budget": budget, "seed": seed}
-                        record |= {"version": versions[method], **limited(problem, method, budget, seed)}
+                        made = taken_over(done, problem, method, budget, seed)
+                        made = made or limited(problem, method, budget, seed)
+                        record |= {"version": versions[method], **made}
                         _append(given.results, json.dumps(record))
                         runs.append(record)
                     if runs and last > first:
                         show(f"{problem.name:32} {method:10} {budget:7} | {rows(problem, runs)}")
             given.table.write_text(table(read(given.results)))
+    given.table.write_text(table(read(given.results)))
+    if given.keep:
+        keep(read(given.results), KEPT)
 
 
 if __name__ == "__main__":
