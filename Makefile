@@ -66,9 +66,11 @@ bench-fleet: $(VENV)/.installed-dev
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench.fleet_scale memory
 	$(BIN)/python -m tests.bench.fleet_scale efficiency
 
-# Every method on every problem with a known answer over 200 seeds: an hour or more; goes on where it was interrupted.
+# Every method on every problem with a known answer over 200 seeds: hours where no run is kept; goes on where it was
+# interrupted. OpenTURNS beside them: pip install -e '.[peers]', then --method ot-ce ot-nais ot-subset.
 calibration: $(VENV)/.installed-dev
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench.ce_calibration
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench.ce_calibration --keep
+	$(BIN)/python -m tests.bench.ce_which_method
 
 # Everything in policies/weights, in this order: the ego drives among the drivers, the thresholds are theirs and its.
 # Each step goes on where it was interrupted. DATA: the data pack, or tables of `tailroad data import`.

@@ -15,8 +15,9 @@ same problems with --method ot-ce, ot-nais, ot-subset. Not all of these end: a r
 CALL_LIMIT times the budget, and after HOPELESS runs in a row that hit a limit or crash the rest is left out.
 
 Columns: runs, and in brackets those that did not end or crashed, which no other column counts; calls of f; relative
-bias and root-mean-square error; share of intervals that hold p, of all runs and of those without a warning; share of
-runs with a warning; efficiency p (1 - p) / (calls mean squared error).
+bias and root-mean-square error; share of intervals that hold p, of all runs; share that hold it or carry a warning;
+share that hold it of the runs without a warning; share of runs with a warning; efficiency p (1 - p) / (calls mean
+squared error).
 """
 
 import argparse
@@ -39,14 +40,25 @@ from ce.run import KINDS
 from tests.bench.ce_peers import OPENTURNS, openturns
 from tests.reference import traffic
 from tests.reference.problems import ALL, Problem
+from tests.reference.variants import two_sided
 
 HERE = Path(__file__).parent
-PROBLEMS = (*ALL, Problem("four modes among driver weights", traffic.base(), traffic.f, 0.0, traffic.P))
+PROBLEMS = (
+    *ALL,
+    Problem("four modes among driver weights", traffic.base(), traffic.f, 0.0, traffic.P),
+    two_sided(2, 4.5),
+    two_sided(100, 4.0),
+)
 SEEDS = {problem.name: 1000 * j for j, problem in enumerate(PROBLEMS)}  # first seed of each
 KEPT = HERE / "ce_calibration.jsonl.xz"
 LARGE = 100  # dimensions
 BLOCK = 10  # seeds after which the next problem has its turn
 TIME_LIMIT_S, CALL_LIMIT, HOPELESS = 60, 20, 3
+
+COLUMNS = (
+    "problem", "p", "method", "budget", "runs", "calls of f", "bias", "rmse", "covered", "covered or warned",
+    "covered, no warning", "warned", "efficiency",
+)  # fmt: skip
 
 Key = tuple[str, str, int]
 Runs = dict[Key, list[dict[str, Any]]]
@@ -125,7 +137,7 @@ def rows(problem: Problem, runs: list[dict[str, Any]]) -> str:
     ended = [r for r in runs if r["p"] is not None]
     count = f"{len(ended)}" + (f" ({len(runs) - len(ended)})" if len(ended) < len(runs) else "")
     if not ended:
-        return f"{count} | - | - | - | - | - | - | -"
+        return f"{count} | - | - | - | - | - | - | - | -"
     p = np.array([r["p"] for r in ended])
     covered = np.array([r["low"] <= problem.p <= r["high"] for r in ended])
     warned = np.array([bool(r["warned"]) for r in ended])
@@ -135,7 +147,7 @@ def rows(problem: Problem, runs: list[dict[str, Any]]) -> str:
     calm = f"{covered[~warned].mean():.0%}" if (~warned).any() else "-"
     return (
         f"{count} | {calls:,.0f} | {p.mean() / problem.p - 1:+.1%} | {mean_square**0.5 / problem.p:.1%} | "
-        f"{covered.mean():.0%} | {calm} | {warned.mean():.0%} | {efficiency:.2g}"
+        f"{covered.mean():.0%} | {(covered | warned).mean():.0%} | {calm} | {warned.mean():.0%} | {efficiency:.2g}"
     )
 
 
@@ -145,10 +157,10 @@ def table(done: Runs) -> str:
         "",
         "Written by `make calibration` (`tests/bench/ce_calibration.py`, which explains the columns and goes on where",
         "it was interrupted: rows with fewer runs than others are not finished). `ot-*`: OpenTURNS by the same script.",
+        f"Versions: {', '.join(sorted(_versions(done)))}.",
         "",
-        "| problem | p | method | budget | runs | calls of f | bias | rmse | covered | covered, no warning | warned "
-        "| efficiency |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+        f"| {' | '.join(COLUMNS)} |",
+        "| --- " * len(COLUMNS) + "|",
     ]
     for problem in PROBLEMS:
         for (name, method, budget), runs in sorted(done.items(), key=lambda item: (item[0][2], item[0][1])):
@@ -158,8 +170,12 @@ def table(done: Runs) -> str:
     return "\n".join(lines) + "\n"
 
 
-def read(path: Path) -> Runs:
-    """The runs of today's versions of the methods."""
+def _versions(done: Runs) -> set[str]:
+    return {f"{method} {run['version']}" for (_, method, _), runs in done.items() for run in runs}
+
+
+def read(path: Path, any_version: bool = False) -> Runs:
+    """The runs of today's versions of the methods; or all of them, whatever they were made by."""
     done: Runs = defaultdict(list)
     versions: dict[str, str | None] = {}
     for line in path.read_text().splitlines() if path.exists() else ():
@@ -168,14 +184,14 @@ def read(path: Path) -> Runs:
         except json.JSONDecodeError:
             continue  # the line being written when the run was stopped
         method = record["method"]
-        if method not in versions:
+        if not any_version and method not in versions:
             try:
                 versions[method] = version(method)
             except (ImportError, KeyError):
                 versions[method] = (
                     None  # not to be judged here: a peer that is not installed, a method that is gone
                 )
-        if versions[method] in (None, record.get("version")):
+        if any_version or versions[method] in (None, record.get("version")):
             done[record["problem"], method, record["budget"]].append(record)
     return done
 

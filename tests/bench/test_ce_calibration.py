@@ -3,6 +3,7 @@
 import json
 
 from tests.bench import ce_calibration
+from tests.reference.problems import LINEAR_2
 
 
 def test_it_is_resumable_and_writes_a_table(tmp_path):
@@ -19,3 +20,28 @@ def test_it_is_resumable_and_writes_a_table(tmp_path):
     assert {(r["method"], r["seed"]) for r in runs} >= {("mixture", s) for s in range(3)}
     rows = [line for line in table.read_text().splitlines() if line.startswith("| linear")]
     assert len(rows) == 2
+
+
+def test_a_run_of_mixture_is_that_of_auto_where_auto_stays_with_it():
+    p = LINEAR_2
+    auto, mixture = (ce_calibration.run(p, method, 6000, 3) for method in ("auto", "mixture"))
+    assert auto["by"] == "mixture"
+    assert auto == mixture
+    done = {(p.name, "auto", 6000): [auto | {"seed": 3}, auto | {"seed": 4, "by": "splitting"}]}
+    assert ce_calibration.taken_over(done, p, "mixture", 6000, 3) == mixture
+    assert ce_calibration.taken_over(done, p, "mixture", 6000, 4) is None
+    assert ce_calibration.taken_over(done, p, "ce", 6000, 3) is None
+
+
+def test_kept_runs_are_where_a_new_results_file_begins(tmp_path, monkeypatch):
+    monkeypatch.setattr(ce_calibration, "KEPT", tmp_path / "kept.jsonl.xz")
+    said: list[str] = []
+    arguments = ["--budget", "1000", "--method", "naive", "--problem", "linear d=2", "--keep"]
+    arguments += ["--table", str(tmp_path / "table.md")]
+    ce_calibration.main(["--seeds", "2", *arguments, "--results", str(tmp_path / "one.jsonl")], said.append)
+    ce_calibration.main(["--seeds", "2", *arguments, "--results", str(tmp_path / "two.jsonl")], said.append)
+    one, two = ((tmp_path / name).read_text() for name in ("one.jsonl", "two.jsonl"))
+    assert len(two.splitlines()) == 2
+    assert sorted(map(json.loads, one.splitlines()), key=lambda r: r["seed"]) == [
+        json.loads(line) for line in two.splitlines()
+    ]
