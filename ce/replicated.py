@@ -96,7 +96,7 @@ class ReplicatedEstimate(Estimate):
                 gammas, nan, nan, np.zeros(m), np.ones(m), np.zeros(m, dtype=np.int64), np.zeros(m), nan
             )
         values, counts = self._values(gammas)
-        p = values.mean(axis=0)
+        p = np.minimum(values.mean(axis=0), 1.0)
         std_error = values.std(axis=0, ddof=1) / math.sqrt(runs)
         t = float(stdtrit(runs - 1, 0.5 + 0.5 * self._sure))
         some = p > 0

@@ -291,7 +291,7 @@ class Estimate:
         if n == 0:
             nan = np.full(sums.shape, np.nan)
             return nan, nan, np.zeros(sums.shape), np.ones(sums.shape)
-        p = sums / n
+        p = np.minimum(sums / n, 1.0)  # weights of a certain event may sum to a little more
         if self.log_weights is None:
             std_error = np.sqrt(p * (1.0 - p) / n)
             low, _ = clopper_pearson(counts, n, self._sure)

@@ -5,14 +5,15 @@ Run from the repository root: python -m tests.bench.ce_calibration [--seeds 200]
 is a line of the results file, and runs that are already there are not done again, so it can be stopped and started at
 will; a results file that is not there begins as the runs kept in `ce_calibration.jsonl.xz`, which --keep writes anew.
 A line carries a digest of the sources that its method is made of (docstrings, comments and messages apart): lines of
-an earlier version of the algorithm are left out of the table and their runs are made again. --seeds-large: seeds in a
+an earlier version of the algorithm are left out of the table and their runs are made again, unless --renew finds runs
+made again unchanged to the bit. --seeds-large: seeds in a
 hundred dimensions and more (as --seeds, if not given). Problem number j has seeds 1000 j, 1000 j + 1, ...: a method's
 normals depend on the seed alone, so with the same seeds a lucky one would be lucky in every row. A run of `mixture`
 is that of `auto` with the same seed where `auto` has stayed with it, and is then taken from there.
 
 Where OpenTURNS is installed (`pip install -e '.[peers]'`), its cross-entropy, NAIS and subset sampling are run on the
-same problems with --method ot-ce, ot-nais, ot-subset. Not all of these end: a run has TIME_LIMIT_S seconds and
-CALL_LIMIT times the budget, and after HOPELESS runs in a row that hit a limit or crash the rest is left out.
+same problems with --method ot-ce, ot-nais, ot-subset. Not all of these end: a run has TIME_LIMIT_S of processor time
+and CALL_LIMIT times the budget, and after HOPELESS runs in a row that hit a limit or crash the rest is left out.
 
 Columns: runs, and in brackets those that did not end or crashed, which no other column counts; calls of f; relative
 bias and root-mean-square error; share of intervals that hold p, of all runs; share that hold it or carry a warning;
@@ -112,10 +113,10 @@ def limited(problem: Problem, method: str, budget: int, seed: int) -> dict[str, 
         return run(problem, method, budget, seed)
 
     def stop(*_: object) -> None:
-        raise TimeoutError(f"more than {TIME_LIMIT_S} s")
+        raise TimeoutError(f"more than {TIME_LIMIT_S} s of processor time")
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(TIME_LIMIT_S)
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, TIME_LIMIT_S)
     try:
         return run(problem, method, budget, seed)
     except Exception as error:  # whatever a peer raises is a result here
@@ -129,8 +130,8 @@ def limited(problem: Problem, method: str, budget: int, seed: int) -> dict[str, 
             "ended": repr(error)[:200],
         }
     finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def rows(problem: Problem, runs: list[dict[str, Any]]) -> str:
@@ -214,6 +215,34 @@ def taken_over(done: Runs, problem: Problem, method: str, budget: int, seed: int
     return {name: same[0][name] for name in ("p", "low", "high", "calls", "warned", "by")} if same else None
 
 
+def renewed(path: Path, methods: list[str], show: Callable[[str], None]) -> None:
+    """Lines of an earlier version get today's digest where runs made again are the same to the bit: the last of each
+    problem below LARGE dimensions and of the first above. For changes that were not to change a result."""
+    today = {method: version(method) for method in methods}
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    stale: Runs = defaultdict(list)
+    for record in lines:
+        if record["version"] != today.get(record["method"], record["version"]):
+            stale[record["problem"], record["method"], record["budget"]].append(record)
+    small = [problem for problem in PROBLEMS if problem.base.dim < LARGE]
+    large = [problem for problem in PROBLEMS if problem.base.dim >= LARGE]
+    changed = set()
+    for problem in (*small, *large[:1]):
+        for (name, method, budget), runs in stale.items():
+            if name == problem.name and method not in changed:
+                record = _by_seed(runs)[-1]
+                again = limited(problem, method, budget, record["seed"])
+                same = all(record[key] == value for key, value in again.items())
+                show(
+                    f"{name:32} {method:10} seed {record['seed']}: {'the same' if same else 'another result'}"
+                )
+                changed |= set() if same else {method}
+    for record in lines:
+        if record["method"] in today and record["method"] not in changed:
+            record["version"] = today[record["method"]]
+    path.write_text("".join(json.dumps(record) + "\n" for record in lines))
+
+
 def _append(path: Path, line: str) -> None:
     """A line of its own, also where the last one was cut short."""
     cut = path.exists() and path.read_bytes()[-1:] not in (b"", b"\n")
@@ -233,10 +262,17 @@ def main(arguments: list[str] | None = None, show: Callable[[str], None] = print
     parser.add_argument("--results", type=Path, default=Path("build/ce_calibration.jsonl"))
     parser.add_argument("--table", type=Path, default=HERE / "ce_calibration.md")
     parser.add_argument("--keep", action="store_true", help=f"pack the runs into {KEPT.name} at the end")
+    parser.add_argument(
+        "--renew",
+        action="store_true",
+        help="first try whether runs of an earlier version are still the same to the bit, and take them over",
+    )
     given = parser.parse_args(arguments)
     given.results.parent.mkdir(parents=True, exist_ok=True)
     if not given.results.exists() and KEPT.exists():
         given.results.write_bytes(lzma.decompress(KEPT.read_bytes()))
+    if given.renew:
+        renewed(given.results, given.method, show)
     large = given.seeds if given.seeds_large is None else given.seeds_large
     versions = {method: version(method) for method in given.method}
     done = read(given.results)

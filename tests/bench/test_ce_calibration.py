@@ -6,7 +6,8 @@ from tests.bench import ce_calibration
 from tests.reference.problems import LINEAR_2
 
 
-def test_it_is_resumable_and_writes_a_table(tmp_path):
+def test_it_is_resumable_and_writes_a_table(tmp_path, monkeypatch):
+    monkeypatch.setattr(ce_calibration, "KEPT", tmp_path / "kept.jsonl.xz")
     results, table = tmp_path / "runs.jsonl", tmp_path / "table.md"
     arguments = ["--budget", "1000", "--method", "naive", "mixture", "--problem", "linear d=2"]
     arguments += ["--results", str(results), "--table", str(table)]
@@ -45,3 +46,13 @@ def test_kept_runs_are_where_a_new_results_file_begins(tmp_path, monkeypatch):
     assert sorted(map(json.loads, one.splitlines()), key=lambda r: r["seed"]) == [
         json.loads(line) for line in two.splitlines()
     ]
+
+
+def test_runs_of_an_earlier_version_are_taken_over_only_where_they_are_the_same(tmp_path):
+    path = tmp_path / "runs.jsonl"
+    right = {"problem": LINEAR_2.name, "method": "naive", "budget": 1000, "seed": 5, "version": "earlier"}
+    right |= ce_calibration.run(LINEAR_2, "naive", 1000, 5)
+    for record, version in ((right, ce_calibration.version("naive")), (right | {"p": 0.5}, "earlier")):
+        path.write_text(json.dumps(record) + "\n")
+        ce_calibration.renewed(path, ["naive"], lambda _: None)
+        assert json.loads(path.read_text()) == record | {"version": version}

@@ -66,3 +66,15 @@ def test_what_f_raises_passes_through():
 
     with pytest.raises(RuntimeError, match="simulator gone"):
         ce.estimate(f, BETAS.base, 0.2, "ce")
+
+
+@pytest.mark.parametrize("method", ce.METHODS)
+@pytest.mark.parametrize("event", ["certain", "impossible", "failed"])
+def test_every_search_ends_with_a_probability_whatever_f_says(method, event):
+    said = {"certain": -1.0, "impossible": np.inf, "failed": np.nan}[event]
+    est = ce.estimate(lambda x: np.full(len(x), said), BETAS.base, 0.0, method, budget=2000, seed=1)
+    low, high = est.ci
+    assert est.rollouts <= 2000
+    assert 0.0 <= low <= est.p <= high <= 1.0
+    assert est.p == pytest.approx(1.0 if event == "certain" else 0.0, abs=0.01)
+    assert event == "certain" or est.warnings
