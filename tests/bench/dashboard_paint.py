@@ -73,6 +73,7 @@ def visit(browser, address: str) -> dict[str, float]:
     seen["estimate_s"] = time.perf_counter() - began
     paint = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
     seen["first_paint_s"] = paint / 1000.0
+    print({name: round(value, 3) for name, value in seen.items()}, file=sys.stderr, flush=True)
     page.locator("#chart-curve polyline").first.wait_for()
     seen["charts_s"] = time.perf_counter() - began
     seen["bytes"] = page.evaluate(

@@ -13,7 +13,7 @@ from service.client import Client
 from service.dashboard.server import Dashboard
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-PATIENCE_MS = 60_000.0  # for anything that a page shows after a while
+PATIENCE_MS = 250_000.0  # for anything that a page shows after a while
 
 
 @contextmanager
