@@ -7,11 +7,14 @@ import json
 import msgspec
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from service import campaign
+from service.cli.main import main
 from service.errors import InputError, StoreError
 from service.job import Problem, make_job, without_sumo
 from service.pool import in_sumo, run_chunk
+from service.reproduce import qualitative
 from service.reproduce.black_box import black_box
 from service.reproduce.local import Watch, accumulate, carry_out, run_as_job, truth_path
 from service.reproduce.page import page_of, write_page
@@ -164,3 +167,30 @@ def test_the_black_box_answers_a_plan_s_rollouts(scenario_file, tmp_path):
     assert hidden.rollouts == known.rollouts == 4
     assert hidden.ran.outcomes == known.ran.outcomes
     assert hidden.lowest(4).tolist() == known.lowest(4).tolist()
+
+
+def test_the_qualitative_page_tells_what_was_learned_and_how_it_fails(scenario_file, tmp_path, monkeypatch):
+    monkeypatch.setattr(qualitative, "SCENARIO", scenario_file)
+    monkeypatch.setattr(qualitative, "EGO", "idm")
+    monkeypatch.setattr(qualitative, "SIZES", {"smoke": qualitative.Size((1.2,), 1000, 2, 0)})
+    page = qualitative.qualitative_page(
+        "smoke", 1, tmp_path, tmp_path / "pages", 1, False, Watch(), "tailroad reproduce qualitative"
+    )
+    assert [t.title.rpartition(": ")[2] for t in page.tables] == [
+        "starts", "how the drivers drive", "how it fails",
+    ] * 2  # fmt: skip
+    starts = {row[0] for row in page.tables[3].rows}
+    assert {"ego.speed_mps", "env6.heading_deg"} <= starts
+    path = write_page(page, tmp_path / "pages")
+    assert "2 and 2 rollouts, run again in SUMO" in path.read_text(encoding="utf-8")
+
+
+def test_wrong_use_of_the_command_ends_with_2_and_one_sentence():
+    for words, told in (
+        (["table9"], "is not one of"),
+        (["scale", "--connect", "tcp/127.0.0.1:1"], "--connect does not go with scale"),
+        (["worlds", "--connect", "tcp/127.0.0.1:1"], "--connect does not go with worlds"),
+    ):
+        result = CliRunner().invoke(main, ["reproduce", *words])
+        assert result.exit_code == 2
+        assert told in result.output
