@@ -77,8 +77,11 @@ class Statistics:
         return problem, turn
 
     def forget(self, job: str) -> None:
-        """The job is over: it is kept for a while, and then read from the record again when it is asked for."""
+        """The job is over: its state, without its batch, is kept for a while, and then read from the record again when
+        it is asked for."""
         with self._lock:
+            if (turn := self._turns.get(job)) is not None:
+                self._turns[job] = Turn(turn.number, turn.state, None)
             self._over[job] = None
             self._over.move_to_end(job)
             while len(self._over) > KEPT:

@@ -21,4 +21,9 @@ def test_jobs_cancelled_while_they_are_opened_leave_nothing_behind(tmp_path, mak
             assert time.monotonic() < deadline
         while len(fleet.hub.statistics._turns) > KEPT + 1:  # one of those before may still be opened
             assert time.monotonic() < deadline, "more jobs are kept than those that are wanted"
-        assert last in fleet.hub.statistics._turns
+        assert fleet.hub.statistics._turns[last].batch is not None
+        fleet.fleet.cancel(last)
+        fleet.wait_status(last, "cancelled")
+        while fleet.hub.statistics._turns[last].batch is not None:  # as large as all the rest together
+            assert time.monotonic() < deadline, "the batch of a job that is over is kept"
+        assert fleet.fleet.estimate(last)["rollouts"]["total"] == 0
