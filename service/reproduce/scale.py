@@ -45,7 +45,7 @@ EGO = "lidar"
 
 
 class Reach(msgspec.Struct, frozen=True, kw_only=True):
-    """What a fleet of so many workers came to. efficiency: rollouts' own time over workers x makespan; busy:
+    """What a fleet of so many workers came to. efficiency: the job's rollouts' own time over workers x makespan; busy:
     share of the makespan that the scheduler and the statistics were busy for."""
 
     workers: int
@@ -95,8 +95,6 @@ class _Fleet:
         self._busy = self._busy_statistics = 0.0
         self._chunks = 0
         self._done_at: float | None = None
-        self._work_s = 0.0
-        self._rollouts = 0
         self._draw_s = self._time_of_draws()
 
     def _time_of_draws(self) -> float:
@@ -114,14 +112,17 @@ class _Fleet:
         while self._done_at is None:
             now, _, happen = heapq.heappop(self._heap)
             happen(now)
-        span = self._done_at
+        span, mean_s = self._done_at, float(self._rollout_s.mean())
+        rollouts = (
+            self._algorithm.total_rollouts
+        )  # audits and copies are not among them: they are what they cost
         return Reach(
             workers=self._workers,
-            rollouts=self._rollouts,
-            rollout_ms=1e3 * float(self._rollout_s.mean()),
+            rollouts=rollouts,
+            rollout_ms=1e3 * mean_s,
             makespan_s=span,
-            rollouts_per_s=self._rollouts / span,
-            efficiency=self._work_s / (self._workers * span),
+            rollouts_per_s=rollouts / span,
+            efficiency=rollouts * mean_s / (self._workers * span),
             scheduler_busy=self._busy / span,
             statistics_busy=self._busy_statistics / span,
             chunks=self._chunks,
@@ -219,8 +220,6 @@ class _Fleet:
         elif isinstance(reply, Lease):
             n = reply.chunk.stop - reply.chunk.start
             own = float(self._random.choice(self._rollout_s, n).sum())
-            self._work_s += own
-            self._rollouts += n
             self._chunks += 1
             self._at(now + own + self._draw_s, lambda t: self._answer(t, name, reply, own))
 
