@@ -35,8 +35,8 @@ TOLD_EVERY_S = 60.0  # where standard error is no terminal
               "[default: OUT/pages]")  # fmt: skip
 @click.option("--truths", type=click.Path(file_okay=False, path_type=Path), help="Where ground truths accumulate.  "
               "[default: OUT/truths]")  # fmt: skip
-@click.option("--sumo", is_flag=True, help="Run every rollout in SUMO. Others leave it out where they can, several "
-              "times faster; one rollout in a hundred is then run in both and compared bit for bit.")  # fmt: skip
+@click.option("--sumo", is_flag=True, help="Run every rollout in SUMO. Without it SUMO is left out where it can be, several "
+              "times faster, and one rollout in a hundred is run in both and compared bit for bit.")  # fmt: skip
 @click.option("--connect", multiple=True, help="Run on the fleet at this Zenoh endpoint (all of it in SUMO) instead of "
               "local workers; once for each. For experiments that are runs alone.")  # fmt: skip
 @click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
@@ -57,7 +57,18 @@ def command(
 ) -> None:
     """Run an experiment of the paper again and write its page.
 
-    What is finished is not run again: after Ctrl-C, a crash or a kill the same command goes on.
+    \b
+    table1       the lidar ego: ground truth, Algorithm 1 with rho = 0.01
+    fig2         the same for several rho
+    table2, fig3 the vision ego, with the settings tuned on the lidar ego
+    beyond       our estimators at equal total cost, down to p = 1e-6
+    qualitative  what was learned, how the ego fails, films
+    worlds       another road, another's ego, a black box
+    scale        local cores measured, larger fleets played
+    peers        other simulators, installed and timed beside ours
+
+    What is finished is not run again: after Ctrl-C, a crash or a kill the same command goes on (scale and peers begin
+    anew).
     """
     workers = workers or core_count()
     pages = pages or out / "pages"
