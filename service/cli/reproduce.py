@@ -35,8 +35,8 @@ TOLD_EVERY_S = 60.0  # where standard error is no terminal
               "[default: OUT/pages]")  # fmt: skip
 @click.option("--truths", type=click.Path(file_okay=False, path_type=Path), help="Where ground truths accumulate.  "
               "[default: OUT/truths]")  # fmt: skip
-@click.option("--sumo", is_flag=True, help="Run every rollout in SUMO. Without it SUMO is left out where it can be, several "
-              "times faster, and one rollout in a hundred is run in both and compared bit for bit.")  # fmt: skip
+@click.option("--sumo", is_flag=True, help="Run every rollout in SUMO. Without it SUMO is left out where it can be, "
+              "several times faster; one rollout in a hundred is run in both and compared bit for bit.")  # fmt: skip
 @click.option("--connect", multiple=True, help="Run on the fleet at this Zenoh endpoint (all of it in SUMO) instead of "
               "local workers; once for each. For experiments that are runs alone.")  # fmt: skip
 @click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
