@@ -4,11 +4,10 @@
 
 The rollouts are those of `tailroad estimate SCENARIO --ego NAME --method naive --seed S`, with the same starts,
 weights and noise, in the same kernels; SUMO, which does not move the vehicles, is left out. Thresholds are order
-statistics of f with the binomial 95% interval; where fewer than MINIMUM_EVENTS rollouts are left below one, multilevel
-splitting (`--splitting` rollouts a try) goes down from there until p at its threshold is surely below the smallest of
-the probabilities, and the thresholds that are still missing are read off its curve. Written to --out:
-thresholds-SCENARIO.json; with --card, its contents go into that weights card too. An interrupted run continues after
-its last finished batch.
+statistics of f with the binomial 95% interval, which has no lower end where hardly a rollout is left below. Beside them
+stands p at one threshold further down, by multilevel splitting with `--splitting` rollouts; its interval has been seen
+to miss (deploy/decisions/0014), so thresholds are not read off it. Written to --out: thresholds-SCENARIO.json; with
+--card, its contents go into that weights card too. An interrupted run continues after its last finished batch.
 """
 
 import argparse
@@ -35,9 +34,7 @@ from service.sim.road import road_of
 from service.sim.world import DriverNetwork, World, action_noise
 
 PROBABILITIES = (1e-2, 1e-3, 1e-4, 1e-5)
-MINIMUM_EVENTS = 8
-FIRST_DEEP, DEEPER, MOST_TRIES = 0.75, 0.9, 5  # splitting's thresholds, of the one before
-CURVE_STEP_S = 5e-4
+DEEP = 0.75  # splitting's threshold, as a share of the one at p = 2e-4
 
 
 class Rollouts:
@@ -104,12 +101,13 @@ def run(
 
 
 def thresholds_of(f: np.ndarray) -> list[dict]:
-    """Thresholds at PROBABILITIES from independent values f (n,): order statistics with 95% intervals."""
+    """Thresholds at PROBABILITIES from independent values f (n,): order statistics with 95% intervals, whose lower end
+    is None where not even the smallest value is surely above it."""
     n, ordered = len(f), np.sort(f)
     found = []
     for p in PROBABILITIES:
         k = round(p * n)
-        if k < MINIMUM_EVENTS:
+        if k < 1:
             continue
         # ranks whose binomial counts put p into their interval
         low = int(
@@ -118,9 +116,9 @@ def thresholds_of(f: np.ndarray) -> list[dict]:
         high = int(
             np.searchsorted(beta_distribution.ppf(0.025, np.arange(1, 4 * k), n - np.arange(1, 4 * k) + 1), p)
         )
-        interval = [round(float(ordered[max(low - 1, 0)]), 6), round(float(ordered[high]), 6)]
+        interval = [round(float(ordered[low - 1]), 4) if low else None, round(float(ordered[high]), 4)]
         found.append(
-            {"p": p, "gamma_s": round(float(ordered[k - 1]), 6), "interval_95": interval, "events": k, "n": n,
+            {"p": p, "gamma_s": round(float(ordered[k - 1]), 4), "interval_95": interval, "events": k, "n": n,
              "method": "naive"}
         )  # fmt: skip
     return found
@@ -135,46 +133,6 @@ def deep(estimate: Any, gamma: float) -> dict:
         "gamma_s": gamma, "p": float(p), "interval_95": [float(low), float(high)], "n": int(estimate.rollouts),
         "method": str(estimate.method),
     }  # fmt: skip
-
-
-def off_the_curve(estimate: Any, lowest: float, highest: float, p: float) -> dict | None:
-    """The threshold between `lowest` and `highest` at which an estimate's curve reaches p, and the interval in which
-    its 95% band does; None where the curve does not reach p there. An end of the interval where the band does not
-    cross p is None."""
-    gammas = np.arange(lowest, highest, CURVE_STEP_S)
-    curve = estimate.curve(gammas)
-
-    def crossing(values: np.ndarray) -> float | None:
-        over = np.flatnonzero(values >= p)
-        return None if not len(over) or over[0] == 0 else round(float(gammas[over[0]]), 4)
-
-    found = crossing(np.asarray(curve.p))
-    if found is None:
-        return None
-    return {
-        "p": p, "gamma_s": found, "interval_95": [crossing(np.asarray(curve.high)), crossing(np.asarray(curve.low))],
-        "n": int(estimate.rollouts), "method": str(estimate.method),
-    }  # fmt: skip
-
-
-def below(
-    base: Any, highest: float, arguments: argparse.Namespace, rollouts: Rollouts, folder: Path, progress: Progress,
-    name: str, known: list[dict],
-) -> dict[str, list[dict]]:  # fmt: skip
-    """By splitting: p at thresholds below `highest` (s), and with the `known` thresholds those still missing."""
-    gamma, tries = round(FIRST_DEEP * highest, 4), []
-    while True:
-        options = ce.SplittingOptions(budget=arguments.splitting)
-        splitting = ce.algorithm("splitting", base, gamma, options)
-        label = f"{name}, splitting below {gamma:g} s"
-        tail, _ = run(splitting, arguments.seed, rollouts, folder / f"deep-{gamma:g}", progress, label)
-        tries.append(deep(tail, gamma))
-        if tries[-1]["interval_95"][1] < PROBABILITIES[-1] or len(tries) == MOST_TRIES:
-            break
-        gamma = round(DEEPER * gamma, 4)
-    missing = [p for p in PROBABILITIES if p not in {one["p"] for one in known}]
-    read = [off_the_curve(tail, gamma, highest, p) for p in missing]
-    return {"thresholds": known + [one for one in read if one is not None], "deep": tries}
 
 
 def main() -> None:
@@ -228,9 +186,13 @@ def main() -> None:
             }
             if arguments.splitting:
                 highest = float(np.sort(estimate.f)[max(round(2e-4 * arguments.rollouts), 5)])
-                found |= below(
-                    base, highest, arguments, rollouts, folder, progress, name, found["thresholds"]
+                gamma = round(DEEP * highest, 4)
+                splitting = ce.algorithm(
+                    "splitting", base, gamma, ce.SplittingOptions(budget=arguments.splitting)
                 )
+                label = f"{name}, splitting"
+                tail, _ = run(splitting, arguments.seed, rollouts, folder / "deep", progress, label)
+                found["deep"] = [deep(tail, gamma)]
             result["egos"][name] = found
     arguments.out.mkdir(parents=True, exist_ok=True)
     target = arguments.out / f"thresholds-{scenario.name}.json"
