@@ -410,7 +410,7 @@ def test_replays_are_in_the_page_and_no_other_script_may_run(real):
 
 def test_replays_play_in_a_browser_from_the_file_alone(real, browser):
     page = browser.new_page(viewport={"width": 390, "height": 800}, offline=True)
-    page.set_default_timeout(with_browser.PATIENCE_MS)
+    page.set_default_timeout(4.0 * with_browser.PATIENCE_MS)
     wrong: list[str] = []
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
