@@ -71,11 +71,11 @@ class Service:
 
 def open_service(folder: Path, limits: Limits = LIMITS, offered: tuple[str, ...] = ()) -> Iterator[Service]:
     with light_fleet(folder, Policy(audit_share=0.0, progress_s=0.05, hold_s=0.5)) as light:
-        api = Api(light._session, light.fleet, offered, limits)
+        opened = Service(light, Api(light._session, light.fleet, offered, limits), light.port)
         try:
-            yield Service(light, api, light.port)
+            yield opened
         finally:
-            api.close()
+            opened.api.close()  # the last one, where a test began another
 
 
 @pytest.fixture(scope="module")
