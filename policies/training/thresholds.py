@@ -130,8 +130,8 @@ def deep(estimate: Any, gamma: float) -> dict:
         getattr(estimate.curve(np.array([gamma])), name) for name in ("p", "low", "high")
     )
     return {
-        "gamma_s": gamma, "p": float(p), "interval_95": [float(low), float(high)], "n": int(estimate.rollouts),
-        "method": str(estimate.method),
+        "gamma_s": round(gamma, 4), "p": float(p), "interval_95": [float(low), float(high)],
+        "n": int(estimate.rollouts), "method": str(estimate.method),
     }  # fmt: skip
 
 
@@ -186,7 +186,7 @@ def main() -> None:
             }
             if arguments.splitting:
                 highest = float(np.sort(estimate.f)[max(round(2e-4 * arguments.rollouts), 5)])
-                gamma = round(DEEP * highest, 4)
+                gamma = DEEP * highest
                 splitting = ce.algorithm(
                     "splitting", base, gamma, ce.SplittingOptions(budget=arguments.splitting)
                 )
