@@ -1,8 +1,8 @@
 """An experiment kept beside its record (decision 61): improved cross-entropy with von Mises-Fisher-Nakagami mixtures.
 
 Papaioannou, Geyer and Straub, Reliability Engineering & System Safety 191, 2019; Wang and Song, Structural Safety 59,
-2016. Run from the repository root: python -m tests.bench.ce_vmfn [SEEDS]. Minutes. The same budget for both: the
-experiment's levels have a tenth of it each; its estimate comes from its last proposal with what is left.
+2016. Run from the repository root: python -m tests.bench.ce_vmfn [SEEDS [WORD ...]]. Minutes. The same budget for
+both: the experiment's levels have a tenth of it each; its estimate comes from its last proposal with what is left.
 """
 
 import math
@@ -153,7 +153,16 @@ def improved_ce(problem: Problem, k: int, seed: int) -> tuple[float, float, int]
 
 def main() -> None:
     seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 20
-    names = ("linear d=2 ", "RP25", "four-branch k=7", "min(|x|, y) >= 3", "linear d=100 beta=4.5", "d=404")
+    names = (
+        "linear d=2 ",
+        "RP25",
+        "four-branch k=7",
+        "min(|x|, y) >= 3",
+        "linear d=100 beta=4.5",
+        "d=404 beta=4.5",
+        "> 530",
+    )
+    names = tuple(sys.argv[2:]) or names
     for problem in ALL:
         if not any(name in problem.name for name in names):
             continue

@@ -6,11 +6,11 @@ Everything is built from functions of independent standard normals u_i = Phi^{-1
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import gammaincc, ndtr
+from scipy.special import gammaincc, gammaincinv, ndtr
 
 import ce
 from ce.standard import to_standard
-from tests.reference.problems import Problem
+from tests.reference.problems import Problem, four_branch
 
 
 def normal(d: int) -> ce.Product:
@@ -205,6 +205,68 @@ def blocks(d: int, beta: float) -> Problem:
     return Problem(f"blocks d={d} beta={beta}", normal(d), f, 0.0, p)
 
 
+def rotated_four_branch(d: int, p: float = 2.22279507e-3) -> Problem:
+    """The four branches (k = 7) in a plane of d correlated normals."""
+    source = np.random.default_rng(d)
+    plane = np.linalg.qr(source.standard_normal((d, d)))[0][:, :2]
+    half = source.standard_normal((d, d))
+    cov = half @ half.T + np.eye(d)
+    white = np.linalg.inv(np.linalg.cholesky(cov)).T @ plane
+    mean = np.arange(d, dtype=np.float64)
+    known = four_branch(7, p)
+    return Problem(
+        f"rotated four-branch d={d}",
+        ce.Product([ce.Normal(mean, cov)]),
+        lambda x: known.f((x - mean) @ white),
+        0.0,
+        p,
+    )
+
+
+def lognormal_product(d: int, beta: float) -> Problem:
+    base = ce.Product([ce.LogNormal(0.0, 0.5) for _ in range(d)])
+    return Problem(
+        f"product of {d} LogNormals beta={beta}",
+        base,
+        lambda x: -np.log(x).sum(axis=1),
+        -0.5 * beta * np.sqrt(d),
+        float(ndtr(-beta)),
+    )
+
+
+def weakest_weibull(d: int, least: float) -> Problem:
+    """All of them last long."""
+    base = ce.Product([ce.Weibull(1.5, 2.0) for _ in range(d)])
+    p = float(np.exp(-d * (least / 2.0) ** 1.5))
+    return Problem(f"min of {d} Weibulls > {least}", base, lambda x: -x.min(axis=1), -least, p)
+
+
+def long_sum(d: int, most: float) -> Problem:
+    """A sum of exponentials far above its mean."""
+    base = ce.Product([ce.Exponential(1.0) for _ in range(d)])
+    return Problem(
+        f"sum of {d} Exp(1) > {most:g}", base, lambda x: -x.sum(axis=1), -most, float(gammaincc(d, most))
+    )
+
+
+def ball(d: int, p: float) -> Problem:
+    """Close to the centre, where hardly any sample of many dimensions lies."""
+    return Problem(
+        f"|u|^2 small, d={d}", normal(d), lambda x: np.sum(x * x, axis=1), float(2 * gammaincinv(d / 2, p)), p
+    )
+
+
+def coarse_two_sided(d: int, beta: float) -> Problem:
+    """Two modes, and f in steps of a half that gamma is one of."""
+    return Problem(
+        f"coarse two-sided d={d} beta={beta}",
+        normal(d),
+        lambda x: -np.floor(2.0 * np.abs(x.sum(axis=1)) / np.sqrt(d)),
+        -2.0 * beta,
+        float(2 * ndtr(-beta)),
+    )
+
+
 VARIANTS = (
     linear(1, 4.0), linear(10, 0.0), linear(10, 1.0), linear(10, 2.0), linear(20, 6.0), linear(50, 3.0),
     sparse(404, 4.0),
@@ -220,4 +282,6 @@ VARIANTS = (
     mostly_infinite(3, 3.5), mostly_infinite(50, 3.5), mostly_infinite(5, 4.0, 2.5),
     noisy(5, 4.0, 0.5), noisy(5, 4.0, 1.5), noisy(100, 4.0, 1.0), betas(3, 1e-3), betas(8, 0.05),
     shell(50, 5.0), ring(4.0), ring(5.0), blocks(100, 4.0), blocks(404, 3.7),
+    rotated_four_branch(2), rotated_four_branch(6), rotated_four_branch(30), lognormal_product(8, 4.0),
+    weakest_weibull(4, 3.5), long_sum(10, 32.0), ball(10, 1e-5), coarse_two_sided(6, 4.0), linear(10, 2.3),
 )  # fmt: skip
