@@ -72,8 +72,14 @@ def run_chunk(simulator: RolloutWorld, work: Work) -> Chunk:
     )
 
 
-def end_with_parent() -> None:
-    """Wait for the parent process to end, however it ends, and end too: nobody would read what is run here."""
+def watch_parent() -> None:
+    """Let this process end when its parent does, however that ends: nobody would read what is run here. A process of a
+    pool does not see it by itself."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """Wait for the parent process to end, and end too."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         multiprocessing.connection.wait([parent.sentinel])
@@ -82,7 +88,7 @@ def end_with_parent() -> None:
 
 def _open_worker(job: Job, open_world: OpenWorld) -> None:
     global _world
-    threading.Thread(target=end_with_parent, daemon=True).start()
+    watch_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
     _world = open_world(job)
 

@@ -11,6 +11,7 @@ import numpy as np
 from service.errors import InputError, WorkerError
 from service.exports.write import FORMATS, Exports, write_exports
 from service.job import Job, Problem
+from service.pool import watch_parent
 
 
 def export_bytes(job: Job, x: np.ndarray, noise: int, title: str, form: str) -> bytes:
@@ -18,7 +19,7 @@ def export_bytes(job: Job, x: np.ndarray, noise: int, title: str, form: str) -> 
     where the rollout fails, and WorkerError where its process ends."""
     if form not in FORMATS:
         raise InputError(f"format {form}: there are {', '.join(FORMATS)}")
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), initializer=watch_parent) as pool:
         try:
             return pool.submit(_export, job, x, noise, title, form).result()
         except BrokenProcessPool as error:

@@ -13,6 +13,7 @@ from service.errors import WorkerError
 from service.failures.driving import Driving, driving_of
 from service.failures.motion import Motion, motion_of
 from service.job import Job, Problem
+from service.pool import watch_parent
 from service.sim.rollout import Simulator
 from service.trace import Trace, record
 
@@ -124,6 +125,7 @@ _simulator: Simulator | None = None  # of the worker process
 
 def _open(job: Job) -> None:
     global _problem, _simulator
+    watch_parent()
     _problem = Problem(job)
     _simulator = _problem.simulator()
 

@@ -6,7 +6,6 @@ A crash in native code, or a rollout that never ends, costs this process and its
 import multiprocessing
 import multiprocessing.connection
 import signal
-import threading
 from contextlib import suppress
 
 import numpy as np
@@ -30,7 +29,7 @@ from service.fleet.messages import (
 from service.fleet.turns import row_hashes, rows_digest
 from service.fleet.versions import differing
 from service.job import Problem
-from service.pool import Work, end_with_parent, run_chunk
+from service.pool import Work, run_chunk, watch_parent
 from service.sim.rollout import Simulator
 
 OPEN_LIMIT_S = 300.0  # to open a job: kernels may have to be compiled
@@ -86,7 +85,7 @@ class Runner:
 
 
 def _main(pipe: multiprocessing.connection.Connection, worker: str) -> None:
-    threading.Thread(target=end_with_parent, daemon=True).start()
+    watch_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is to be stopped and how is the parent's to say
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     bench = _Bench(worker)

@@ -163,22 +163,34 @@ def test_outcome_codes_are_pinned_because_they_are_stored():
 
 
 PARENT = """
+import multiprocessing
 import sys
+import ce
 import msgspec
-from service.job import Job
+from service.failures.rerun import Rerunner
+from service.job import Job, Problem
 from service.pool import LocalPool
 
+def begin_LocalPool(pool):
+    pool.warm_up()
+
+def begin_Rerunner(rerunner):
+    x, noise = ce.draw(Problem(job).base, 1, "estimate", 0, 0, 1)
+    rerunner.run([(x[0], int(noise[0]))])
+
 if __name__ == "__main__":
-    with LocalPool(msgspec.json.decode(sys.argv[1], type=Job), 2) as pool:
-        pool.warm_up()
-        print(*pool.pids(), flush=True)
+    job = msgspec.json.decode(sys.argv[1], type=Job)
+    with {kind}(job, 1) as workers:
+        begin_{kind}(workers)
+        print(*(child.pid for child in multiprocessing.active_children()), flush=True)
         sys.stdin.read()
 """
 
 
-def test_workers_end_when_their_parent_is_killed(job, tmp_path):
+@pytest.mark.parametrize("kind", ["LocalPool", "Rerunner"])
+def test_workers_end_when_their_parent_is_killed(job, tmp_path, kind):
     script = tmp_path / "parent.py"
-    script.write_text(PARENT, encoding="utf-8")
+    script.write_text(PARENT.format(kind=kind), encoding="utf-8")
     command = [sys.executable, str(script), msgspec.json.encode(job).decode()]
     parent = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert parent.stdout is not None
