@@ -54,7 +54,7 @@ def command(
     What was run is in the database: a serve that was killed goes on where it was.
     """
     from service.api.server import Api
-    from service.errors import InputError
+    from service.errors import InputError, TailroadError
     from service.fleet.hub import Hub
     from service.fleet.policy import Policy
     from service.fleet.service import Fleet
@@ -65,7 +65,12 @@ def command(
 
     log_to_stderr(api.log_json)
     limits = api.read_limits()
-    stopping = threading.Event()
+    stopping, died = threading.Event(), threading.Event()
+
+    def on_death() -> None:
+        died.set()
+        stopping.set()
+
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stopping.set())
     if zenoh_config is None and any(not any(part in end for part in LOOPBACK) for end in listen):
@@ -78,7 +83,9 @@ def command(
         store = stack.enter_context(JobStore(database or sqlite_url(home / "fleet.sqlite")))
         stack.callback(store.claim().close)
         hub = Hub(
-            store, Policy(audit_share=audit_share, chunk_s=chunk_seconds, least_chunk_s=0.1 * chunk_seconds)
+            store,
+            Policy(audit_share=audit_share, chunk_s=chunk_seconds, least_chunk_s=0.1 * chunk_seconds),
+            on_death=on_death,
         )
         session = stack.enter_context(router_session(list(listen), zenoh_config))
         hub.start()
@@ -96,6 +103,10 @@ def command(
         click.echo(f"serving on {', '.join(listen)}, {procs} local worker processes", err=True)
         stopping.wait()
         click.echo("stopping: what is being run is finished first", err=True)
+    if died.is_set():
+        raise TailroadError(
+            "the scheduler ended by an error of its own, told above; nothing recorded is lost: start it again"
+        )
 
 
 def _local_worker(endpoint: str, procs: int, zenoh_config: str | None) -> "Kept":

@@ -70,7 +70,9 @@ class Hub:
         clock: Callable[[], float] = time.monotonic,
         made_of: dict[str, str] | None = None,
         statistics_threads: int = 2,
+        on_death: Callable[[], None] = lambda: None,
     ):
+        """on_death: called where the hub's thread ends by an error that nobody foresaw."""
         self.store = store
         self.statistics = Statistics(store)
         self._time = Elapsed(clock)
@@ -87,6 +89,8 @@ class Hub:
         self._pool = ThreadPoolExecutor(statistics_threads, thread_name_prefix="statistics")
         self._thread = threading.Thread(target=self._run, name="hub")
         self._stopping = False
+        self._on_death = on_death
+        self._dead = False
 
     # -- from outside ----------------------------------------------------------------------------------------
 
@@ -116,6 +120,8 @@ class Hub:
         """Look at the scheduler in the hub's thread; be quick, and change nothing."""
         result: Future[T] = Future()
         self._inbox.put(_Call(run, result))
+        if self._dead:
+            self._refuse_calls()
         return result
 
     def listen(self, listener: Callable[[Event], None]) -> None:
@@ -162,6 +168,30 @@ class Hub:
     # -- the thread ------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
+        try:
+            self._take_turns()
+        except (
+            BaseException
+        ):  # a panic of Zenoh's is no Exception; without this thread the service only looks alive
+            log.critical(
+                "the scheduler ends: what is in the database goes on at the next start", exc_info=True
+            )
+            self._dead = True
+            self._refuse_calls()
+            self._on_death()
+            raise
+
+    def _refuse_calls(self) -> None:
+        """Whoever waits for a thread that is no more is told."""
+        with suppress(queue.Empty):
+            while True:
+                waiting = self._inbox.get_nowait()
+                if isinstance(waiting, _Call):
+                    waiting.result.set_exception(
+                        StoreError("the scheduler has ended; start the service again")
+                    )
+
+    def _take_turns(self) -> None:
         next_tick = self._time.now()
         while not self._stopping:
             for event in self._collect():

@@ -41,6 +41,8 @@ def _config(config_file: str | None) -> zenoh.Config:
         raise InputError(f"{config_file}: not a Zenoh configuration: {error}") from error
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("scouting/gossip/enabled", "false")
+    # messages are small, and where there is no room in shared memory (a container, a full disk) Zenoh would panic
+    config.insert_json5("transport/shared_memory/enabled", "false")
     return config
 
 

@@ -61,7 +61,9 @@ def test_about_names_every_key_with_its_parameters_and_schemas(foreign) -> None:
     estimate = next(e for e in about["endpoints"] if e["key"] == "tailroad/v1/jobs/{job}/estimate")
     assert {p["name"] for p in estimate["parameters"]} == {"gamma", "confidence"}
     for endpoint in about["endpoints"]:
-        assert endpoint["answer"] in about["schemas"]
+        assert (
+            endpoint["answer"] in about["schemas"] if endpoint["media"] == [] else endpoint["answer"] is None
+        )
     for name in about["schemas"]:
         jsonschema.Draft202012Validator.check_schema(foreign.get(f"schemas/{name}"))
 
