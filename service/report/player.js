@@ -151,7 +151,8 @@
     function stop() { running = false; play.textContent = "Play"; }
     function tick(now) {
       if (!running) return;
-      k = Math.min(at + Math.floor((now - from) / 1000 * speed.value / step), last);
+      // a frame may carry a time before the click that asked for it
+      k = Math.min(at + Math.floor(Math.max(now - from, 0) / 1000 * speed.value / step), last);
       show();
       if (k === last) stop(); else requestAnimationFrame(tick);
     }

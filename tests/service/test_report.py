@@ -28,9 +28,8 @@ from service.report.facts import facts_of
 from service.report.objects import Report
 from service.scenario import Scenario, load_scenario
 from service.store import FAILED, Chunk, RunDirectory
-from tests.service.dashboard import conftest as with_browser
+from tests.service.conftest import PATIENCE_MS
 
-browser = with_browser.browser
 NOW = datetime(2030, 1, 2, 3, 4, 5, tzinfo=UTC)
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 NAIVE = {"budget": 3000, "batch_size": 1500}
@@ -412,7 +411,7 @@ def test_replays_play_in_a_browser_from_the_file_alone(real, browser):
     from playwright.sync_api import expect
 
     page = browser.new_page(viewport={"width": 390, "height": 800}, offline=True)
-    page.set_default_timeout(4.0 * with_browser.PATIENCE_MS)
+    page.set_default_timeout(4.0 * PATIENCE_MS)
     wrong: list[str] = []
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)

@@ -217,7 +217,8 @@ function step(now) {
   if (!playing) return;
   const last = data.time_s.length - 1;
   const perState = last > 0 ? (data.time_s[last] - data.time_s[0]) / last : 0.1;
-  at = Math.min(at + ((now - before) / 1000) * (Number(by("speed").value) / perState), last);
+  const passed = Math.max(now - before, 0); // a frame may carry a time before the click that asked for it
+  at = Math.min(at + (passed / 1000) * (Number(by("speed").value) / perState), last);
   before = now;
   show();
   if (at >= last) setPlaying(false);

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import pytest
-
 from service.client import Client
 from service.dashboard.server import Dashboard
-
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-PATIENCE_MS = 250_000.0  # for anything that a page shows after a while
 
 
 @contextmanager
@@ -29,18 +23,3 @@ def dashboard_of(port: int, **more) -> Iterator[str]:
             dashboard.stop()
             thread.join(30.0)
             assert not thread.is_alive()
-
-
-@pytest.fixture(scope="session")
-def browser():
-    """Chromium as the system has it."""
-    playwright = pytest.importorskip(
-        "playwright.sync_api", reason="Playwright is not installed: make test does it"
-    )
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        pytest.skip(f"none of {', '.join(BROWSERS)} is installed; on Debian: apt-get install chromium")
-    with playwright.sync_playwright() as started:
-        opened = started.chromium.launch(executable_path=found, args=["--no-sandbox", "--disable-gpu"])
-        yield opened
-        opened.close()

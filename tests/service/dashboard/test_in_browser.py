@@ -12,7 +12,8 @@ from service.api.server import Api
 from service.client import Client
 from service.fleet.messages import Answer, Failed, Lease
 from tests.service.api.conftest import LIMITS, Service, open_service
-from tests.service.dashboard.conftest import PATIENCE_MS, dashboard_of
+from tests.service.conftest import PATIENCE_MS
+from tests.service.dashboard.conftest import dashboard_of
 from tests.service.fleet.light import LightRunner, LightWorker
 
 pytestmark = pytest.mark.timeout(
