@@ -6,6 +6,7 @@ asks for it; and the browser asks again when a job tells one of `kinds`.
 
 import asyncio
 import hashlib
+import logging
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -22,7 +23,9 @@ from service.client import NoAnswer, Refused
 from service.dashboard.book import Book
 from service.dashboard.link import Link
 from service.dashboard.live import Live, Rates
-from service.dashboard.trouble import Trouble, trouble_of
+from service.dashboard.trouble import Trouble, failed_part, trouble_of
+
+log = logging.getLogger("tailroad.dashboard")
 
 FIRST_PAINT_S = 0.4  # that a page waits for its parts
 Load = Callable[["Site", Request], Awaitable[dict[str, Any]]]
@@ -64,14 +67,17 @@ class Site:
         return self.templates.get_template(template).render(values)
 
     async def draw_part(self, part: Part, request: Request) -> tuple[int, str, float | None]:
-        """Status, HTML, and after how many seconds to ask again."""
+        """Status, HTML, and after how many seconds to ask again. A part that fails says so in its own place."""
         try:
             values = await part.load(self, request)
+            again_s = values.pop("again_s", part.every_s)
+            return 200, self.draw(f"parts/{part.name}.html", values), again_s
         except (Refused, NoAnswer) as error:
             trouble = trouble_of(error)
-            return trouble.status, self.draw("parts/trouble.html", {"trouble": trouble}), trouble.again_s
-        again_s = values.pop("again_s", part.every_s)
-        return 200, self.draw(f"parts/{part.name}.html", values), again_s
+        except Exception:  # a fault of ours: the rest of the page is good
+            log.exception("part %s of page %s", part.name, request.url.path)
+            trouble = failed_part(part.label)
+        return trouble.status, self.draw("parts/trouble.html", {"trouble": trouble}), trouble.again_s
 
     async def page(
         self,

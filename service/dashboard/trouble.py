@@ -48,3 +48,10 @@ def trouble_of(error: Exception) -> Trouble:
         return Trouble(404, problem.title, problem.detail, "The page “Jobs” lists those that there are.")
     again = problem.retry_after_s if problem.status in (429, 503) else None
     return Trouble(problem.status, problem.title, problem.detail, errors=problem.errors, again_s=again)
+
+
+def failed_part(label: str) -> Trouble:
+    """What stands in the place of a part that the dashboard could not draw."""
+    return Trouble(500, f"“{label}” cannot be shown", "The dashboard failed on this part alone; the jobs go on.",
+                   "Load the page again. If it stays, send the dashboard's log, which names the error, with a report "
+                   "of it; `tailroad show JOB` tells the same in a terminal.")  # fmt: skip

@@ -269,6 +269,12 @@ class Hub:
             return
         self.post(E.Stepped(job, generation, replay))
 
+    def _keep(self, job: str) -> None:
+        try:
+            self.statistics.keep(job)
+        except Exception:  # it only spares a replay
+            log.exception("what job %s came to is not kept", job)
+
     # -- the database ----------------------------------------------------------------------------------------
 
     def _write(self) -> None:
@@ -305,6 +311,8 @@ class Hub:
             self._written()
             self._publish(event)
             if first.status not in OPEN:
+                if first.status == "done" and not self._stopping:
+                    self._pool.submit(self._keep, first.job)
                 self.statistics.forget(first.job)
         elif kind == "Tell":
             event = self.store.add_event(first.job, first.kind, first.body)

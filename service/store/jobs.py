@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from importlib.metadata import version
 from typing import Any
 
 import msgspec
@@ -16,7 +17,7 @@ from service.store.chunk import Chunk, Origin
 from service.store.claim import Claim
 from service.store.database import LOCK_WAIT_S, insert_once, open_engine, reason, shown, writing
 from service.store.records import ChunkRecord
-from service.store.tables import audits, chunks, events, iterations, jobs, quarantine, voids
+from service.store.tables import audits, chunks, events, iterations, jobs, quarantine, states, voids
 
 STATUS = "status"  # the kind of event whose last one is the job's status
 _STATUS = (
@@ -187,6 +188,22 @@ class JobStore:
             .limit(limit)
         )
         return [{"number": row.number, **msgspec.json.decode(row.record)} for row in self._read(query)]
+
+    def keep_state(self, job_id: str, epoch: int, number: int, state: bytes) -> None:
+        """Keep the state that an epoch of the job has come to after `number` batches; one that is kept stays."""
+        row = {"job": job_id, "epoch": epoch, "tailroad": version("tailroad"), "number": number, "state": state,
+               "at": _now()}  # fmt: skip
+        with self._write("keep a job's state") as connection:
+            connection.execute(insert_once(self._engine, states), [row])
+
+    def kept_state(self, job_id: str) -> tuple[int, int, bytes] | None:
+        """(epoch, number, state) of the job's present epoch, where this version of tailroad has kept one."""
+        query = (
+            sa.select(states.c.epoch, states.c.number, states.c.state)
+            .where(states.c.job == job_id, states.c.epoch == self.epoch(job_id))
+            .where(states.c.tailroad == version("tailroad"))
+        )
+        return next(((row.epoch, row.number, row.state) for row in self._read(query)), None)
 
     def add_audits(self, agreed: Iterable[AuditRow]) -> None:
         """Record chunks that a second worker ran to the same bits."""

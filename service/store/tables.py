@@ -1,12 +1,12 @@
 """The tables of a record, the same in SQLite and PostgreSQL. Rows are added, never changed or removed.
 
 A chunk counts unless it is voided: a chunk of a worker that was found wrong is voided, and run again in the job's next
-epoch. Of iterations and states the last row counts.
+epoch. Of iterations the last row counts. States only spare a replay: what they say follows from the chunks.
 """
 
 import sqlalchemy as sa
 
-VERSION = "0002"  # the newest of migrations/versions
+VERSION = "0003"  # the newest of migrations/versions
 
 metadata = sa.MetaData()
 
@@ -95,5 +95,18 @@ quarantine = sa.Table(
     metadata,
     _key("worker"),
     sa.Column("reason", sa.Text, nullable=False),
+    sa.Column("at", sa.Text, nullable=False),
+)
+
+states = sa.Table(
+    "states",
+    metadata,
+    _key("job"),
+    _key("epoch", sa.Integer),
+    _key("tailroad"),  # the version that wrote it: another one may come to another state
+    sa.Column("number", sa.Integer, nullable=False),  # of batches taken in
+    sa.Column(
+        "state", sa.LargeBinary, nullable=False
+    ),  # of the algorithm after them, as its to_bytes writes it
     sa.Column("at", sa.Text, nullable=False),
 )

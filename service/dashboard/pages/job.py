@@ -10,8 +10,8 @@ from urllib.parse import quote
 import msgspec
 from starlette.requests import Request
 
-from service.api.objects import OVER, Curve, EstimateStep, Iterations, Job, SearchStep
-from service.client import Client
+from service.api.objects import OVER, Curve, Estimate, EstimateStep, Iterations, Job, SearchStep
+from service.client import Client, Refused
 from service.dashboard.charts import figure
 from service.dashboard.link import FOR_GOOD_S, MOMENT_S
 from service.dashboard.pages import job_charts
@@ -33,24 +33,38 @@ async def named(site: Site, job: str) -> Job:
 
 
 async def head(site: Site, request: Request) -> dict[str, Any]:
-    """State, progress and what may be told to it."""
+    """State, progress and what may be told to it; of one that is over its rollouts as soon as they are known."""
     job = await job_of(site, request)
-    estimate = await estimate_of(site, job) if job.status in OVER else None
-    return {"row": row_of(site, job, estimate), "job": job}
+    if job.status not in OVER:
+        return {"row": row_of(site, job, None), "job": job}
+    estimate = await estimate_by_now(site, job)
+    again_s = PRELIMINARY_S if estimate is None else None
+    return {"row": row_of(site, job, estimate), "job": job, "again_s": again_s}
 
 
 async def answer(site: Site, request: Request) -> dict[str, Any]:
     """p with its interval, and what bears on how far it can be relied on; until the service has replayed a long record
     for that, what the last batch came to."""
     job = await job_of(site, request)
-    asking = asyncio.ensure_future(estimate_of(site, job))
-    asking.add_done_callback(lambda late: late.cancelled() or late.exception())
-    done, _ = await asyncio.wait([asking], timeout=PRELIMINARY_S)
-    if done:
-        return {"job": job, "estimate": asking.result(), "over": job.status in OVER, "last": None}
+    estimate = await estimate_by_now(site, job)
+    if estimate is not None:
+        return {"job": job, "estimate": estimate, "over": job.status in OVER, "last": None}
     steps = await steps_of(site, job)
     last = steps.estimate[-1] if steps.estimate else None
     return {"job": job, "estimate": None, "over": job.status in OVER, "last": last, "again_s": PRELIMINARY_S}
+
+
+async def estimate_by_now(site: Site, job: Job) -> Estimate | None:
+    """The estimate; None while the service replays a long record for it."""
+    asking = asyncio.ensure_future(estimate_of(site, job))
+    asking.add_done_callback(lambda late: late.cancelled() or late.exception())
+    done, _ = await asyncio.wait([asking], timeout=PRELIMINARY_S)
+    try:
+        return asking.result() if done else None
+    except Refused as refused:
+        if refused.kind != "working":
+            raise
+        return None
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,8 @@ async function fetchPart(part, known) {
     const html = await answer.text();
     again = answer.headers.get("retry-after");
     const passing = answer.status === 503 && !part.hasAttribute("aria-busy"); // what is shown is better than that
-    if (!passing && answer.headers.get("content-type")?.startsWith("text/html")) show(part, html);
+    if (!isPart(answer, html)) show(part, notAPart(part, answer.status));
+    else if (!passing) show(part, html);
   } catch {
     again = "3"; // the dashboard itself is not there; the event source says so
   }
@@ -41,6 +42,16 @@ async function fetchPart(part, known) {
   known.last = Date.now();
   if (known.wanted) ask(part);
   else if (again !== null) ask(part, 1000 * Number(again));
+}
+
+// A whole page, or what something between here and the dashboard says, is no part of this page.
+function isPart(answer, html) {
+  return answer.headers.get("content-type")?.startsWith("text/html") && !/^\s*<(!doctype|html)/i.test(html);
+}
+
+function notAPart(part, status) {
+  return `<div class="note" role="alert"><p><strong>“${part.getAttribute("aria-label")}” cannot be shown</strong>
+    (answer ${status}). Load the page again; the dashboard may be another version than this page is of.</p></div>`;
 }
 
 function inUse(part) {

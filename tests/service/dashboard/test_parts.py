@@ -430,6 +430,30 @@ def test_the_last_batch_stands_for_an_estimate_that_takes_long():
     assert again_s is not None
 
 
+@pytest.mark.parametrize("part", [job.HEAD, job.ANSWER], ids=lambda part: part.name)
+def test_while_a_record_is_replayed_the_page_shows_what_is_known(part):
+    working = Refused(O.Problem("urn:x:working", "t", 202, "d", retry_after_s=1.0))
+    done = msgspec.structs.replace(JOB, status="done", rollouts=None, options={})
+    status, html, again_s = drawn(site(job=done, estimate=working), part)
+    assert status == 200
+    assert "Being computed" not in html
+    assert again_s is not None
+    assert part is job.HEAD or "95% interval" in html  # of a job that states no confidence, too
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_part_that_fails_says_so_in_its_place_and_not_what_the_error_was(name, caplog):
+    part, query = PARTS[name]
+    status, html, again_s = drawn(site(**dict.fromkeys(ANSWERS, KeyError("secret"))), part, query)
+    assert (status, again_s) == (500, None)
+    assert f"“{part.label}” cannot be shown" in html
+    assert "Load the page again" in html
+    assert len(html) < 800
+    assert "<!doctype" not in html.lower()
+    assert "secret" not in html
+    assert "secret" in caplog.text
+
+
 def test_the_fleet_of_a_service_that_does_not_count_chunks_is_shown_all_the_same():
     refused = Refused(O.Problem("urn:x:no-such-key", "t", 404, "no key"))
     status, html, _ = drawn(site(tally=refused), fleet.FleetPage().parts[0])

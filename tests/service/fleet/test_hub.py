@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import sqlite3
 import threading
 import time
 
+import numpy as np
 import pytest
 
 from service.errors import StoreError
 from service.fleet.hub import Hub
 from service.fleet.jobs import Phase
 from service.fleet.statistics import KEPT
+from service.fleet.turns import open_turn
 from service.job import make_job
 from service.store.jobs import JobStore
-from tests.service.fleet.light import LIMIT_S, light_fleet
+from tests.service.fleet.light import LIMIT_S, LightFleet, LightWorker, light_fleet
 
 
 def test_jobs_cancelled_while_they_are_opened_leave_nothing_behind(tmp_path, make_scenario):
@@ -33,6 +36,66 @@ def test_jobs_cancelled_while_they_are_opened_leave_nothing_behind(tmp_path, mak
         while fleet.hub.statistics._turns[last].batch is not None:  # as large as all the rest together
             assert time.monotonic() < deadline, "the batch of a job that is over is kept"
         assert fleet.fleet.estimate(last)["rollouts"]["total"] == 0
+
+
+def wait_kept(fleet: LightFleet, job: str) -> None:
+    deadline = time.monotonic() + LIMIT_S
+    while fleet.store.kept_state(job) is None:
+        assert time.monotonic() < deadline, "what the job came to is not kept"
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("method", ["naive", "ce"])
+def test_what_a_done_job_came_to_outlives_the_service_without_a_replay(
+    tmp_path, make_scenario, monkeypatch, method
+):
+    options = {"budget": 1000}
+    if method == "ce":
+        options |= {"iterations": 2, "samples_per_iteration": 100}
+    job = make_job(make_scenario(), "idm", 2.0, method, 1, options)
+    with light_fleet(tmp_path) as fleet:
+        worker = LightWorker(fleet.port, "w")
+        name = fleet.fleet.submit(job).id
+        fleet.wait_status(name, "done")
+        worker.stop()
+        told = fleet.fleet.estimate(name)
+        wait_kept(fleet, name)
+    replayed = []
+    monkeypatch.setattr(
+        "service.fleet.statistics.open_turn", lambda *of: replayed.append(of) or open_turn(*of)
+    )
+    with light_fleet(tmp_path) as fleet:
+        assert not fleet.fleet.at_hand(name)
+        assert fleet.fleet.estimate(name) == told
+        assert replayed == []
+        curve = fleet.fleet.curve(name, [1.0, 2.0]).p
+    with sqlite3.connect(tmp_path / "fleet.sqlite") as connection:
+        connection.execute("UPDATE states SET state = x'c1'")
+    with light_fleet(tmp_path) as fleet:  # what is kept and cannot be read is made again
+        assert fleet.fleet.estimate(name) == told
+        assert len(replayed) == 1
+        np.testing.assert_array_equal(fleet.fleet.curve(name, [1.0, 2.0]).p, curve)
+    with sqlite3.connect(tmp_path / "fleet.sqlite") as connection:
+        connection.execute("UPDATE states SET tailroad = '0.0.1'")
+    with light_fleet(tmp_path) as fleet:  # what another version has kept is not looked at, and stays
+        assert fleet.fleet.estimate(name) == told
+        assert len(replayed) == 2
+        assert fleet.store.kept_state(name) is not None
+
+
+def test_a_state_kept_before_rollouts_were_voided_is_not_used(tmp_path, make_scenario):
+    job = make_job(make_scenario(), "idm", 2.0, "naive", 1, {"budget": 400})
+    with light_fleet(tmp_path) as fleet:
+        worker = LightWorker(fleet.port, "wrong")
+        name = fleet.fleet.submit(job).id
+        fleet.wait_status(name, "done")
+        worker.stop()
+        wait_kept(fleet, name)
+        fleet.store.keep_state(name, 0, 1, b"")  # the first stays
+        assert fleet.store.kept_state(name)[2] != b""
+        fleet.store.quarantine("wrong", "a test")
+        assert fleet.store.epoch(name) == 1
+        assert fleet.store.kept_state(name) is None
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
