@@ -6,39 +6,50 @@ from typing import Any
 
 import click
 
-# Command -> the module that holds it, as `command` or by the name after a colon. It is loaded when it is called:
-# `tailroad --help` stays quick.
-COMMANDS = {
-    "estimate": "service.cli.estimate",
-    "rollout": "service.cli.rollout",
-    "failures": "service.cli.failures",
-    "replay": "service.cli.replay",
-    "compare": "service.cli.compare",
-    "report": "service.cli.report",
-    "reproduce": "service.cli.reproduce",
-    "schema": "service.cli.schema",
-    "scenario": "service.cli.scenario",
-    "scene": "service.cli.scene",
-    "nets": "service.cli.nets",
-    "train": "service.cli.train",
-    "data": "service.cli.data",
-    "drivers": "service.cli.drivers",
-    "bench": "service.cli.bench",
-    "export": "service.cli.export",
-    "serve": "service.cli.serve",
-    "worker": "service.cli.worker",
-    "submit": "service.cli.submit",
-    "jobs": "service.cli.jobs",
-    "show": "service.cli.show",
-    "watch": "service.cli.watch",
-    "cancel": "service.cli.orders:cancel",
-    "pause": "service.cli.orders:pause",
-    "resume": "service.cli.orders:resume",
-    "batch": "service.cli.batch",
-    "get": "service.cli.get",
-    "health": "service.cli.health",
-    "dashboard": "service.cli.dashboard",
+# Command -> the module that holds it, as `command` or by the name after a colon. It is loaded when it is called, or
+# when its help is shown.
+SECTIONS = {
+    "Estimate, and look at what was found": {
+        "estimate": "service.cli.estimate",
+        "batch": "service.cli.batch",
+        "compare": "service.cli.compare",
+        "failures": "service.cli.failures",
+        "replay": "service.cli.replay",
+        "report": "service.cli.report",
+        "export": "service.cli.export",
+    },
+    "A service and its workers": {
+        "serve": "service.cli.serve",
+        "worker": "service.cli.worker",
+        "dashboard": "service.cli.dashboard",
+        "health": "service.cli.health",
+    },
+    "Jobs of a service": {
+        "submit": "service.cli.submit",
+        "jobs": "service.cli.jobs",
+        "show": "service.cli.show",
+        "watch": "service.cli.watch",
+        "pause": "service.cli.orders:pause",
+        "resume": "service.cli.orders:resume",
+        "cancel": "service.cli.orders:cancel",
+        "get": "service.cli.get",
+    },
+    "Roads, scenarios and drivers": {
+        "scenario": "service.cli.scenario",
+        "nets": "service.cli.nets",
+        "scene": "service.cli.scene",
+        "rollout": "service.cli.rollout",
+        "drivers": "service.cli.drivers",
+        "data": "service.cli.data",
+        "train": "service.cli.train",
+    },
+    "Of tailroad itself": {
+        "reproduce": "service.cli.reproduce",
+        "bench": "service.cli.bench",
+        "schema": "service.cli.schema",
+    },
 }
+COMMANDS = {name: where for section in SECTIONS.values() for name, where in section.items()}
 INTERRUPTED = 130
 
 
@@ -53,6 +64,12 @@ class Tailroad(click.Group):
             return None
         module, _, command = COMMANDS[name].partition(":")
         return getattr(importlib.import_module(module), command or "command")
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        for title, commands in SECTIONS.items():
+            found = [(name, self.get_command(ctx, name)) for name in commands]
+            with formatter.section(title):
+                formatter.write_dl([(name, at.get_short_help_str(150)) for name, at in found if at])
 
     def invoke(self, ctx: click.Context) -> Any:
         try:

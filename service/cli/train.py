@@ -16,12 +16,29 @@ SCRIPTS = {
 }
 
 
-@click.command(context_settings={"ignore_unknown_options": True, "help_option_names": []})
-@click.argument("what", type=click.Choice(list(SCRIPTS)))
+@click.command(
+    context_settings={
+        "ignore_unknown_options": True,
+        "allow_interspersed_args": False,
+        "help_option_names": ["-h", "--help"],
+    }
+)
+@click.argument("what", metavar="WHAT", type=click.Choice(list(SCRIPTS)))
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def command(what: str, arguments: tuple[str, ...]) -> None:
-    """Train the drivers (by adversarial imitation, or by behaviour cloning) or an ego, or find the thresholds of
-    rare events in the new traffic; `tailroad train WHAT --help` lists the script's own options."""
+    """Train the drivers or an ego, or find the thresholds of rare events in the traffic that they make.
+
+    WHAT, in the order in which one rests on the other:
+
+    \b
+    drivers-bc  human drivers by behaviour cloning (the baseline)
+    drivers     human drivers by model-based adversarial imitation
+    ego-lidar   the ego that sees lidar
+    thresholds  the gamma at which p is 1e-2, 1e-3, 1e-4 and 1e-5
+    ego-vision  the ego that sees camera and lidar
+
+    `tailroad train WHAT --help` lists the options of each.
+    """
     try:
         script = importlib.import_module(SCRIPTS[what])
     except ModuleNotFoundError as error:
