@@ -57,11 +57,17 @@ class Auditing:
         audit.lease = None
         return True
 
+    def unclaimed(self) -> bool:
+        """Whether there is an audit that nobody runs."""
+        return any(audit.lease is None for audit in self.open.values())
+
     def wanted(self, worker: WorkerState, jobs: dict[str, JobState]) -> Audit | None:
         """An audit for this worker to run."""
         for audit in self.open.values():
+            if audit.lease is not None:
+                continue
             job = jobs.get(audit.key.job)
-            if audit.lease is None and job is not None and not job.paused and self._can(worker, audit, job):
+            if job is not None and not job.paused and self._can(worker, audit, job):
                 return audit
         return None
 

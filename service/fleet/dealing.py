@@ -20,9 +20,9 @@ class Dealing:
     def deal(self, now: float, slots: list[tuple[str, int]] | None, copies: bool) -> list[E.Instruction]:
         """Leases for these slots, or for all that wait; copies: of stragglers, too."""
         out: list[E.Instruction] = []
-        late = self._stragglers(now) if copies else []
+        late = self._stragglers(now) if copies and self._workers.waiting else []
         for slot in list(self._workers.waiting) if slots is None else slots:
-            if not (late or self._auditing.open or self._rows_left()):
+            if not (late or self._rows_left() or self._auditing.unclaimed()):
                 break
             waiting = self._workers.waiting[slot]
             worker = self._workers.here[waiting.ask.worker]

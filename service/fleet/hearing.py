@@ -52,7 +52,7 @@ class Hearing(Verdicts):
             return
         if message.worker in self.workers.here:  # it was started again
             self._leave(message.worker, lost=1)
-        self.workers.here[message.worker] = WorkerState(message.worker, message.capabilities, self.now)
+        self.workers.join(WorkerState(message.worker, message.capabilities, self.now))
         self._out.append(E.Send(request, Welcome(self.policy.hold_s)))
 
     def _ask(self, request: int, ask: Ask) -> None:
@@ -67,7 +67,7 @@ class Hearing(Verdicts):
         if slot in self.workers.waiting:
             self._out.append(E.Send(self.workers.waiting.pop(slot).request, Nothing()))
         self.workers.waiting[slot] = Waiting(request, ask, self.now + self.policy.hold_s)
-        self._deal([slot], copies=True)
+        self._deal([slot])
 
     def _answer(self, request: int, answer: Answer, chunk: Chunk) -> None:
         key, name = answer.chunk, answer.worker

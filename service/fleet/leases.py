@@ -17,7 +17,7 @@ class Leases(Careers):
             self._take_back(lease, lost, f"worker {name} was lost")
         for slot in [s for s in self.workers.waiting if s[0] == name]:
             self._out.append(E.Send(self.workers.waiting.pop(slot).request, Nothing()))
-        del self.workers.here[name]
+        self.workers.leave(name)
         for job in list(self.jobs.values()):
             self._settle(job)
         self._deal()

@@ -69,11 +69,17 @@ class Workers:
         self.leases: dict[int, Held] = {}
         self.waiting: dict[tuple[str, int], Waiting] = {}
         self.tally = Tally()
+        self.slots = 0  # of all who are here
         self._last_lease = 0
 
-    @property
-    def slots(self) -> int:
-        return sum(w.capabilities.procs for w in self.here.values())
+    def join(self, worker: WorkerState) -> None:
+        """One that is not here yet."""
+        self.here[worker.id] = worker
+        self.slots += worker.capabilities.procs
+
+    def leave(self, worker: str) -> None:
+        """One that is here; its leases are somebody else's to take back."""
+        self.slots -= self.here.pop(worker).capabilities.procs
 
     def lease(
         self, slot: Ask, key: ChunkKey, audit: bool, now: float, limit_s: float, expected_s: float | None
