@@ -65,6 +65,13 @@ class AutoOptions:
         if self.rel_error is not None:
             in_range("rel_error", self.rel_error, 0, math.inf)
 
+    def held_rows(self, dim: int) -> int:
+        """Rows of `dim` numbers that a state and its open batch hold together at most."""
+        if self.budget < LEAST_SEARCH:
+            return NaiveOptions(self.budget, batch_size=self.batch_size).held_rows(dim)
+        search = MixtureOptions(self.budget, batch_size=self.batch_size)
+        return max(search.held_rows(dim), SplittingOptions(self.budget).held_rows(dim))
+
 
 @dataclass(frozen=True)
 class Auto(Posed):

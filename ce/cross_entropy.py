@@ -129,6 +129,11 @@ class CrossEntropyOptions:
             )
         return iterations, per_iteration, estimation
 
+    def held_rows(self, dim: int) -> int:
+        """Rows of `dim` numbers that a state and its open batch hold together at most."""
+        _, per_iteration, estimation = self.sizes()
+        return max(per_iteration, min(self.batch_size, estimation))
+
     def resolved(self) -> "CrossEntropyOptions":
         """The same with the sizes filled in."""
         iterations, per_iteration, estimation = self.sizes()

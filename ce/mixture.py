@@ -30,7 +30,7 @@ from ce.checks import checked_response, checked_turn
 from ce.gaussian_mixture import Mixture, Part, draw_standard, log_ratio, nearest, only_base
 from ce.importance import ImportanceSampling
 from ce.mixture_fit import fit, fit_clusters
-from ce.mixture_options import LEAST_BUDGET, MANY, MixtureOptions
+from ce.mixture_options import LEAST_BUDGET, MANY, MOST_ELITES, MixtureOptions
 from ce.mixture_report import LEAST_ELITES, described, record_of_search, search_conditions, summary_of
 from ce.product import Product
 from ce.regression import Direction, downhill
@@ -46,7 +46,6 @@ __all__ = ["LEAST_BUDGET", "MixtureOptions", "MixtureSampling"]
 
 ENOUGH_TO_JUMP = 40.0  # effective events
 ENOUGH_ELITES = 200.0  # effective, however large an iteration is
-MOST_ELITES = 10_000  # kept, a random choice of them
 PATIENCE = 3  # iterations without a lower quantile after which the search ends
 FOUND_FIRST, FOUND_SHARE = (
     0.4,

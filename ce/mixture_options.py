@@ -9,6 +9,7 @@ from ce.errors import BudgetError
 
 LEAST_BUDGET = 1000
 LEAST_FOR_LOOK = 5000  # budget
+MOST_ELITES = 10_000  # kept, a random choice of them
 MANY = 100  # dimensions above which iterations are larger
 SAFE_SIZE = 1000  # rollouts in an iteration below which modes were seen to be missed (README, "Measured")
 
@@ -69,6 +70,13 @@ class MixtureOptions:
         part = 20 if dim <= MANY else 12
         least = min(SAFE_SIZE, max(self.budget // 10, 200))
         return self.samples_per_iteration or min(max(self.budget // part, least), 10_000)
+
+    def held_rows(self, dim: int) -> int:
+        """Rows of `dim` numbers that a state and its open batch hold together at most."""
+        hot, chains = self.look_sizes()
+        batch = max(self.iteration_size(dim), hot, min(self.batch_size, self.budget))
+        looked_at = hot + (look.KEPT_MOVES + 1) * chains
+        return batch + min(MOST_ELITES, self.budget) + looked_at
 
     def look_sizes(self) -> tuple[int, int]:
         """Hot rows and chains of the look."""

@@ -41,6 +41,10 @@ class NaiveOptions:
         if self.rel_error is not None:
             in_range("rel_error", self.rel_error, 0, math.inf)
 
+    def held_rows(self, dim: int) -> int:
+        """Rows of `dim` numbers that a state and its open batch hold together at most."""
+        return min(self.batch_size, self.budget)
+
 
 @dataclass(frozen=True)
 class Naive(Posed):

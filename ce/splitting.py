@@ -80,6 +80,10 @@ class SplittingOptions:
         """Samples of a level in the pilot: a multiple of chain."""
         return min(max(self.budget // 50 // self.chain, 10), LARGEST_PILOT // self.chain) * self.chain
 
+    def held_rows(self, dim: int) -> int:
+        """Rows of `dim` numbers that a state and its open batch hold together at most."""
+        return 2 * min(max(TOGETHER, self.pilot_size), self.budget)
+
     @property
     def looks(self) -> int:
         """At the precision: after half of the replications and after all, or after all only."""

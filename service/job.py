@@ -13,7 +13,7 @@ from policies.drivers import DriverModel, load_drivers
 from service.egos.open import camera_elsewhere, check_ego, open_ego
 from service.errors import InputError, StoreError
 from service.safety.measure import open_monitor
-from service.scenario.base import base_distribution
+from service.scenario.base import base_distribution, dimension
 from service.scenario.check import check_road
 from service.scenario.schema import Scenario
 from service.sim.audited import Audited
@@ -62,6 +62,17 @@ def make_job(
     open_monitor(scenario, len(scenario.vehicles))
     ce.algorithm(method, _TINY_BASE, gamma, _options(method, options))
     return job
+
+
+PER_ROW, PER_ROLLOUT = 40, 24  # bytes beside x: noise, hash, f of the batch; f, log weight, replication of the estimate
+
+
+def held_bytes(job: Job) -> int:
+    """Memory that an open job takes at the scheduler at most: its batch, its algorithm's state, what its rollouts leave."""
+    options = _options(job.method, job.options)
+    dim = dimension(job.scenario)
+    kept = options.sizes()[2] if isinstance(options, ce.CrossEntropyOptions) else options.budget
+    return options.held_rows(dim) * (8 * dim + PER_ROW) + kept * PER_ROLLOUT
 
 
 _TINY_BASE = ce.Product([ce.Beta(1.0, 1.0)])  # only to check the other arguments before any file is opened

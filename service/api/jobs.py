@@ -13,7 +13,7 @@ from service.api.objects import OVER, Done, Job, Jobs
 from service.api.problems import ApiError, Wrong, short
 from service.api.requests import Nothing, Page, Submission
 from service.fleet.service import Fleet, JobView
-from service.job import make_job
+from service.job import held_bytes, make_job
 
 COMMON = ("budget", "rel_error", "confidence")  # options that have a place of their own in a submission
 OF_THE_BUDGET = (
@@ -46,6 +46,8 @@ class JobAnswers:
         self._check_options(asked)
         common = {"budget": asked.budget, "rel_error": asked.rel_error, "confidence": asked.confidence}
         job = make_job(scenario, asked.ego, asked.gamma, asked.method, asked.seed, common | asked.options)
+        if (held := held_bytes(job)) > self._limits.open_bytes:
+            raise _too_heavy(held, self._limits.open_bytes)
         if self._fleet.open_jobs() >= self._limits.open_jobs:
             raise ApiError(
                 "too-many-jobs",
@@ -103,6 +105,14 @@ class JobAnswers:
 def wire(view: JobView) -> Job:
     """As it goes over the wire."""
     return msgspec.convert(view, Job, from_attributes=True)
+
+
+def _too_heavy(held: int, most: int) -> ApiError:
+    text = (
+        f"the scheduler would hold up to {held / 1e6:,.0f} MB for this job, and this service takes jobs of at most "
+        f"{most / 1e6:,.0f} MB; give a smaller budget, smaller batches in options, or a scenario with fewer random numbers"
+    )
+    return ApiError("bad-job", text, (Wrong("options", f"{held} bytes", f"at most {most} bytes"),))
 
 
 def _too_much(where: str, given: Any, most: int) -> ApiError:

@@ -84,7 +84,12 @@ def command(
         stack.callback(store.claim().close)
         hub = Hub(
             store,
-            Policy(audit_share=audit_share, chunk_s=chunk_seconds, least_chunk_s=0.1 * chunk_seconds),
+            Policy(
+                audit_share=audit_share,
+                chunk_s=chunk_seconds,
+                least_chunk_s=0.1 * chunk_seconds,
+                open_bytes=limits.open_bytes,
+            ),
             on_death=on_death,
         )
         session = stack.enter_context(router_session(list(listen), zenoh_config))

@@ -35,7 +35,7 @@ def command(job: str, client: Client, as_json: bool) -> None:
 
 def _as_lines(client: Client, job: str) -> str:
     status = ""
-    for event in client.watch(job):
+    for event in client.watch(job, on_silence=_on_silence):
         click.echo(msgspec.json.encode(event).decode())
         status = _status(event) or status
     return status
@@ -45,7 +45,7 @@ def _as_bar(client: Client, job: str) -> str:
     found, status = client.job(job), ""
     with progress_bar() as bar:
         task = bar.add_task(job, total=found.options.get("budget"), note="", completed=found.rollouts or 0)
-        for event in client.watch(job):
+        for event in client.watch(job, on_silence=_on_silence):
             if event.kind == "progress":
                 bar.update(task, completed=event.body["rollouts"])
             elif event.kind == "iteration":
@@ -54,6 +54,10 @@ def _as_bar(client: Client, job: str) -> str:
                 status = _status(event) or status
                 stderr.print(f"{event.at[11:19]} {_told(event)}", highlight=False)
     return status
+
+
+def _on_silence(silent_s: float) -> None:
+    stderr.print(f"no answer for {silent_s:.0f} s; asking again", highlight=False)
 
 
 def _status(event: Event) -> str:

@@ -1,7 +1,8 @@
 """The fleet's API as Python methods."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import quote
 
@@ -9,7 +10,7 @@ import msgspec
 
 from service.api import objects as O
 from service.api.requests import Submission
-from service.client.errors import Refused
+from service.client.errors import NoAnswer, Refused
 from service.client.line import Line, Subscription
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ T = TypeVar("T")
 
 class Client:
     """A client of the service at one of the endpoints; a context manager. timeout_s: for an answer; patience_s: for one
-    that the service still computes.
+    that the service still computes, and for one that comes late while a job is watched.
 
     Methods may be called from any thread. They raise Refused where the service refuses, NoAnswer where nobody answers
     in time.
@@ -45,6 +46,7 @@ class Client:
     ):
         self._line = Line([connect] if isinstance(connect, str) else list(connect), zenoh_config, timeout_s)
         self._patience_s = patience_s
+        self._met = False  # whether anybody has answered yet
 
     def __enter__(self) -> "Client":
         return self
@@ -171,19 +173,24 @@ class Client:
     def resume(self, job: str) -> O.Done:
         return self._of(job, "resume", O.Done)
 
-    def watch(self, job: str, after: int = 0) -> Iterator[O.Event]:
+    def watch(
+        self, job: str, after: int = 0, on_silence: Callable[[float], None] = lambda silent_s: None
+    ) -> Iterator[O.Event]:
         """The job's events as they happen, kept ones first, until it is over. None is missed and none told twice; what
-        is not kept (number 0: progress, iteration) is told while somebody watches."""
+        is not kept (number 0: progress, iteration) is told while somebody watches. Where a service that has answered
+        before is silent, it is asked again for patience_s; on_silence is told for how long it has been, each time."""
         with self.subscribe(job) as live:
             while True:
-                page = self.events(job, after)
+                page = self._patiently(partial(self.events, job, after), on_silence)
                 over = False
                 for event in page.items:
                     after, over = event.number, _over(event) or (over and event.kind != "status")
                     yield event
                 if page.next is not None:
                     continue
-                if over or (not page.items and self.job(job).status in O.OVER):
+                if over:
+                    return
+                if not page.items and self._patiently(partial(self.job, job), on_silence).status in O.OVER:
                     return
                 while (body := live.get(LOOK_S)) is not None:
                     event = msgspec.json.decode(body, type=O.Event)
@@ -199,7 +206,7 @@ class Client:
         """The job when it is over."""
         for _ in self.watch(job):
             pass
-        return self.job(job)
+        return self._patiently(partial(self.job, job))
 
     def subscribe(self, job: str = "*") -> Subscription:
         """What the job tells from now on, or all jobs do: the JSON of an Event each time."""
@@ -246,12 +253,26 @@ class Client:
         until = time.monotonic() + self._patience_s
         while True:
             ok, body = self._line.ask(selector, payload)
+            self._met = True
             if ok:
                 return body
             refused = Refused(msgspec.json.decode(body, type=O.Problem))
             if refused.kind not in PASSING or time.monotonic() >= until:
                 raise refused
             time.sleep(refused.problem.retry_after_s or 1.0)
+
+    def _patiently(self, ask: Callable[[], T], on_silence: Callable[[float], None] = lambda silent_s: None) -> T:
+        """The answer to a question that may be asked twice; NoAnswer where nobody has ever answered, or not for
+        patience_s."""
+        began = time.monotonic()
+        while True:
+            try:
+                return ask()
+            except NoAnswer:
+                silent_s = time.monotonic() - began
+                if not self._met or silent_s >= self._patience_s:
+                    raise
+                on_silence(silent_s)
 
 
 def _selector(key: str, parameters: dict[str, Any]) -> str:

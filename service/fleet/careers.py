@@ -7,6 +7,8 @@ from service.fleet.jobs import JobState, Phase
 from service.fleet.ledger import Ledger
 from service.fleet.turns import IterationRecord
 
+NO_ROOM = "the jobs that are open hold the memory that all may hold together; it begins when some of them have ended"
+
 
 class Careers(Ledger):
     """The jobs' side of the scheduler."""
@@ -14,10 +16,27 @@ class Careers(Ledger):
     def _submitted(self, event: E.Submitted) -> None:
         if event.job in self.jobs:
             return
-        peers = [j.spent_s for j in self.jobs.values() if j.submitted.priority == event.priority]
-        job = JobState(event, paused=event.paused, spent_s=min(peers, default=0.0))
+        job = JobState(event, phase=Phase.WAITING, paused=event.paused)
         self.jobs[job.id] = job
-        self._open(job)
+        self._admit()
+        if job.phase is Phase.WAITING and not job.paused:
+            self._out.append(E.Tell(job.id, "waiting", {"reason": NO_ROOM}))
+
+    def _admit(self) -> None:
+        """Open jobs that wait, the highest priority first, as far as there is memory for all open ones; one at least,
+        and none before its turn, so that a large one is not passed over for ever."""
+        waiting = [j for j in self.jobs.values() if j.phase is Phase.WAITING and not j.paused]
+        if not waiting:
+            return
+        here = [j for j in self.jobs.values() if j.phase is not Phase.WAITING]
+        for job in sorted(waiting, key=lambda j: -j.submitted.priority):
+            held = sum(j.submitted.held_bytes for j in here)
+            if here and held + job.submitted.held_bytes > self.policy.open_bytes:
+                return
+            peers = [j.spent_s for j in here if j.submitted.priority == job.submitted.priority]
+            job.spent_s = min(peers, default=0.0)
+            here.append(job)
+            self._open(job)
 
     def _open(self, job: JobState) -> None:
         """Have the record replayed; whatever is out is taken by its rows when it comes."""
@@ -68,12 +87,14 @@ class Careers(Ledger):
         if job is not None and job.paused:
             job.paused = False
             self._out.append(E.SetStatus(job.id, "running"))
+            self._admit()
             self._deal()
 
     def _close(self, job: JobState, status: str, reason: str = "") -> None:
         del self.jobs[job.id]
         self._auditing.drop_job(job.id)
         self._out.append(E.SetStatus(job.id, status, reason))
+        self._admit()
         self._deal()
 
     def _settle(self, job: JobState) -> None:

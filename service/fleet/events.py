@@ -15,7 +15,8 @@ from service.store import Chunk, Origin
 @dataclass(frozen=True)
 class Submitted:
     """A job of the database, new or from before a restart. Of two jobs the one of higher priority goes first; jobs of
-    one priority share the workers by weight. audited: the same rollout has the same bits on any worker."""
+    one priority share the workers by weight. audited: the same rollout has the same bits on any worker; held_bytes:
+    memory that it takes while it is open, at most."""
 
     job: str
     ego: str
@@ -23,6 +24,7 @@ class Submitted:
     weight: float = 1.0
     paused: bool = False
     audited: bool = True
+    held_bytes: int = 0
 
 
 @dataclass(frozen=True)

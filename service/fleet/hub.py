@@ -16,6 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+import ce
 from service.egos.open import REMOTE
 from service.errors import StoreError, TailroadError
 from service.fleet import events as E
@@ -25,6 +26,7 @@ from service.fleet.policy import STANDARD, Policy
 from service.fleet.scheduler import Scheduler
 from service.fleet.statistics import Statistics
 from service.fleet.versions import digests, versions
+from service.job import held_bytes
 from service.store.jobs import AuditRow, Event, JobRow, JobStore
 
 TICK_S = 0.25
@@ -58,6 +60,13 @@ class Elapsed:
         self._elapsed += min(max(reading - self._last, 0.0), LONGEST_STEP_S)
         self._last = reading
         return self._elapsed
+
+
+def _held_bytes(row: JobRow) -> int:
+    try:
+        return held_bytes(row.job)
+    except (TailroadError, ce.CeError):
+        return 0  # it cannot be opened either, which is told then
 
 
 class Hub:
@@ -111,7 +120,8 @@ class Hub:
         """Have a job of the database run."""
         ego = row.job.ego
         own = not ego.startswith(REMOTE)  # a black box may answer late on one worker and not on another
-        self.post(E.Submitted(row.id, ego, row.priority, row.weight, row.status == "paused", own))
+        paused = row.status == "paused"
+        self.post(E.Submitted(row.id, ego, row.priority, row.weight, paused, own, _held_bytes(row)))
 
     def post(self, event: E.Event) -> None:
         self._inbox.put(event)

@@ -17,6 +17,7 @@ TIMING_MEMORY = 0.8  # weight of what was known of a rollout's time when another
 
 
 class Phase(Enum):
+    WAITING = "waiting"  # for memory that other jobs hold
     OPENING = "opening"  # its record is being replayed
     WORKING = "working"  # its batch is being run
     STEPPING = "stepping"  # the algorithm takes in a batch

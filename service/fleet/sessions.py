@@ -1,10 +1,13 @@
 """Zenoh sessions of router and clients, with scouting off: nobody is found who was not named."""
 
 import json
+import re
 
 import zenoh
 
 from service.errors import InputError
+
+TAKEN = "Address already in use"
 
 zenoh.init_log_from_env_or("error")
 
@@ -19,7 +22,16 @@ def router_session(listen: list[str], config_file: str | None = None) -> zenoh.S
     config.insert_json5("mode", '"router"')
     config.insert_json5("listen/endpoints", json.dumps(listen))
     config.insert_json5("listen/exit_on_failure", "true")
-    return _open(config, f"cannot listen on {', '.join(listen)}")
+    where = ", ".join(listen)
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        if TAKEN in str(error):
+            raise SessionError(
+                f"cannot listen on {where}: another program listens there, perhaps another `tailroad serve`; stop it, "
+                "or give another --listen"
+            ) from error
+        raise SessionError(f"cannot listen on {where}: {_said(error)}; check the address") from error
 
 
 def client_session(
@@ -31,7 +43,13 @@ def client_session(
     config.insert_json5("connect/endpoints", json.dumps(connect))
     config.insert_json5("connect/timeout_ms", "-1" if wait_s is None else str(round(1000 * wait_s)))
     config.insert_json5("connect/exit_on_failure", "false" if wait_s is None else "true")
-    return _open(config, f"cannot connect to {', '.join(connect)}")
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        raise SessionError(
+            f"cannot connect to {', '.join(connect)}: {_said(error)}; check the address, and whether `tailroad serve` "
+            "runs there"
+        ) from error
 
 
 def _config(config_file: str | None) -> zenoh.Config:
@@ -46,10 +64,6 @@ def _config(config_file: str | None) -> zenoh.Config:
     return config
 
 
-def _open(config: zenoh.Config, failure: str) -> zenoh.Session:
-    try:
-        return zenoh.open(config)
-    except zenoh.ZError as error:
-        raise SessionError(
-            f"{failure}: {error}; check the address, or whether something else uses it"
-        ) from error
+def _said(error: zenoh.ZError) -> str:
+    """What Zenoh says, without the places in its sources."""
+    return re.sub(r" at [^ ]+\.rs:\d+\.", "", str(error)).strip(" .")

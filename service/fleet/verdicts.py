@@ -1,7 +1,7 @@
 """What becomes of workers that are wrong."""
 
 from service.fleet import events as E
-from service.fleet.jobs import JobState
+from service.fleet.jobs import JobState, Phase
 from service.fleet.leases import Leases
 from service.fleet.messages import ChunkKey
 
@@ -49,4 +49,5 @@ class Verdicts(Leases):
             job = self.jobs.get(name)
             if job is not None:
                 self._out.append(E.Tell(name, "quarantine", {"worker": event.worker, "reason": why}))
-                self._open(job)
+                if job.phase is not Phase.WAITING:  # it reads its record when its turn comes
+                    self._open(job)

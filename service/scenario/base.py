@@ -57,6 +57,12 @@ def base_distribution(scenario: Scenario, drivers: DriverModel) -> ce.Product:
     return ce.Product(blocks, names)
 
 
+def dimension(scenario: Scenario) -> int:
+    """Of the base distribution, without making it."""
+    searched = scenario.noise_values if scenario.drivers.noise == "searched" else 0
+    return _before_weights(scenario) + HEAD_SIZE + searched
+
+
 def marginal(dist: Distribution) -> Marginal:
     """The distribution as a block of the base distribution."""
     if isinstance(dist, Beta):

@@ -12,7 +12,7 @@ import pytest
 import ce
 from service.errors import ScenarioError
 from service.scenario import built_in_names, load_scenario
-from service.scenario.base import base_distribution, unpack
+from service.scenario.base import base_distribution, dimension, unpack
 from service.scenario.check import check_road
 from service.scenario.load import FOLDER, digest
 
@@ -41,7 +41,7 @@ def test_the_short_scenario_differs_in_name_description_and_horizon_only():
 def test_the_base_distribution_is_the_paper_s(drivers):
     scenario = load_scenario("i80")
     base = base_distribution(scenario, drivers)
-    assert base.dim == 6 * 4 + 404
+    assert base.dim == dimension(scenario) == 6 * 4 + 404
     expected = [(80.0, 120.0), (-0.25, 0.25), (-3.6, 3.6), (10.0, 20.0)] * 6
     assert [(block.low, block.high) for block in base.blocks[:-1]] == expected
     assert {(block.alpha, block.beta) for block in base.blocks[:-1]} == {(2.0, 2.0)}

@@ -12,6 +12,7 @@ from service.errors import InputError, ScenarioError, SimulationError
 from service.job import Problem, make_job, without_sumo
 from service.safety.measure import with_measure
 from service.scenario import load_scenario
+from service.scenario.base import dimension
 from service.scenario.noise import with_noise
 from service.sim import audited
 from service.sim.audited import Audited
@@ -84,7 +85,7 @@ def test_searched_noise_is_a_part_of_x_and_the_same_in_both_worlds(make_scenario
     searched = with_noise(drawn, "searched")
     problem, alone = opened(searched, "idm")
     base = problem.base
-    assert base.dim == 24 + 404 + 20 * 6 * 2
+    assert base.dim == dimension(searched) == 24 + 404 + 20 * 6 * 2
     assert base.names is not None
     assert base.names[-1] == "env6.turn_rate_noise[19]"
     x, noise = ce.draw(base, 3, "estimate", 0, 0, 3)

@@ -70,7 +70,8 @@ class Service:
 
 
 def open_service(folder: Path, limits: Limits = LIMITS, offered: tuple[str, ...] = ()) -> Iterator[Service]:
-    with light_fleet(folder, Policy(audit_share=0.0, progress_s=0.05, hold_s=0.5)) as light:
+    policy = Policy(audit_share=0.0, progress_s=0.05, hold_s=0.5, open_bytes=limits.open_bytes)
+    with light_fleet(folder, policy) as light:
         opened = Service(light, Api(light._session, light.fleet, offered, limits), light.port)
         try:
             yield opened

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import replace
 
 import pytest
 
@@ -148,3 +149,24 @@ def test_names_that_begin_with_an_underscore_are_zenohs_own(foreign) -> None:
 def test_parameters_may_come_as_http_writes_them(foreign, job: str) -> None:
     found = foreign.get(f"jobs/{job}/curve?gammas=0.1%2C0.2&confidence=0.9")
     assert [p["gamma"] for p in found["points"]] == [0.1, 0.2]
+
+
+@pytest.fixture
+def tight(tmp_path):
+    """A service without workers whose open jobs may hold 1 MB together."""
+    for service in open_service(tmp_path, replace(LIMITS, open_bytes=1_000_000)):
+        client = Foreign(service.port)
+        yield client
+        client.close()
+
+
+def test_the_memory_of_open_jobs_is_limited(tight) -> None:
+    small = {"budget": 200, "method": "naive"}
+    heavy = tight.problem("jobs", JOB | small | {"budget": 5000})
+    assert heavy["type"] == "urn:tailroad:problem:bad-job"
+    assert "give a smaller budget" in heavy["detail"]
+    first, second = (tight.get("jobs", JOB | small)["id"] for _ in range(2))
+    waits = tight.get(f"jobs/{second}/events")["items"][-1]
+    assert waits["kind"] == "waiting"
+    assert "memory" in waits["body"]["reason"]
+    assert tight.get(f"jobs/{first}/events")["items"][-1]["kind"] == "status"

@@ -59,6 +59,28 @@ def test_nobody_there() -> None:
         nobody.health()
 
 
+def test_watching_goes_on_where_an_answer_is_late(service, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Client(f"tcp/127.0.0.1:{service.port}", timeout_s=60.0) as client:
+        job = client.submit("i80-10s", 0.5, **JOB, seed=14).id
+        real, silences = client._line.ask, []
+        late = iter([False, True, False, True, True])  # the first one is not
+
+        def ask(selector: str, payload: bytes | None = None) -> tuple[bool, bytes]:
+            if next(late, False):
+                raise NoAnswer("nothing came in time")
+            return real(selector, payload)
+
+        monkeypatch.setattr(client._line, "ask", ask)
+        client.health()
+        told = [event.body.get("status") for event in client.watch(job, on_silence=silences.append)]
+        assert told[-1] == "done"
+        assert silences
+        client._patience_s = 0.0
+        late = iter([True])
+        with pytest.raises(NoAnswer):
+            next(client.watch(job))
+
+
 def test_what_the_service_offers(client: Client) -> None:
     assert "i80-10s" in {entry.name for entry in client.scenarios().items}
     assert {"idm", "lidar"} <= {ego.name for ego in client.egos().items}

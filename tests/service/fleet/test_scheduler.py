@@ -150,3 +150,20 @@ def test_a_dispute_without_a_third_worker_is_waited_for_and_told():
     world.finish()
     assert list(world.record.quarantined) == ["bad"]
     assert_right(world)
+
+
+def test_jobs_beyond_the_memory_wait_for_their_turn_and_a_paused_one_is_passed_over():
+    world = World({"a": "naive", "b": "naive", "c": "naive"}, Policy(first_rows=50, audit_share=0.0, open_bytes=1))
+    phases = {job: state.phase for job, state in world.scheduler.jobs.items()}
+    assert phases == {"a": Phase.OPENING, "b": Phase.WAITING, "c": Phase.WAITING}
+    world.tell(E.Paused("b"))
+    world.join("w", 1)
+    settle(world)
+    while "a" in world.scheduler.jobs:
+        serve(world, "w")
+    assert world.scheduler.jobs["b"].phase is Phase.WAITING
+    assert world.scheduler.jobs["c"].phase is not Phase.WAITING
+    world.tell(E.Resumed("b"))
+    world.finish()
+    for job in world.jobs:
+        assert_right(world, job)

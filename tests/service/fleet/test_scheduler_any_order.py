@@ -22,7 +22,9 @@ from service.fleet import events as E
 from service.fleet.policy import Policy
 from tests.service.fleet.world import World, reference
 
-QUICK = Policy(first_rows=17, max_rows=60, audit_share=0.2, limit_s=30.0, first_limit_s=30.0)
+QUICK = Policy(  # of three jobs one waits for the memory of another
+    first_rows=17, max_rows=60, audit_share=0.2, limit_s=30.0, first_limit_s=30.0, open_bytes=2
+)
 AUDIT_ALL = Policy(
     first_rows=17, max_rows=60, audit_share=1.0, limit_s=30.0, first_limit_s=30.0, open_audits=10**6
 )

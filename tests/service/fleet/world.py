@@ -147,7 +147,7 @@ class World:
         for job in self.jobs:
             status = self.record.statuses.get(job, "running")
             if status in ("running", "paused"):
-                self.tell(E.Submitted(job, "idm", paused=status == "paused"))
+                self.tell(E.Submitted(job, "idm", paused=status == "paused", held_bytes=1))
 
     def tell(self, event: E.Event) -> None:
         for one in self.scheduler.handle(self.now, event):
@@ -202,7 +202,7 @@ class World:
             for job in jobs:
                 if self.record.statuses.get(job) == "done":
                     self.record.statuses[job] = "running"
-                    self.tell(E.Submitted(job, "idm"))
+                    self.tell(E.Submitted(job, "idm", held_bytes=1))
 
     # -- the workers' side -----------------------------------------------------------------------------------
 
