@@ -64,7 +64,10 @@ def make_job(
     return job
 
 
-PER_ROW, PER_ROLLOUT = 40, 24  # bytes beside x: noise, hash, f of the batch; f, log weight, replication of the estimate
+PER_ROW, PER_ROLLOUT = (
+    40,
+    24,
+)  # bytes beside x: noise, hash, f of the batch; f, log weight, replication of the estimate
 
 
 def held_bytes(job: Job) -> int:

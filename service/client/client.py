@@ -261,7 +261,9 @@ class Client:
                 raise refused
             time.sleep(refused.problem.retry_after_s or 1.0)
 
-    def _patiently(self, ask: Callable[[], T], on_silence: Callable[[float], None] = lambda silent_s: None) -> T:
+    def _patiently(
+        self, ask: Callable[[], T], on_silence: Callable[[float], None] = lambda silent_s: None
+    ) -> T:
         """The answer to a question that may be asked twice; NoAnswer where nobody has ever answered, or not for
         patience_s."""
         began = time.monotonic()

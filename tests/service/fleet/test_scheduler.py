@@ -153,7 +153,9 @@ def test_a_dispute_without_a_third_worker_is_waited_for_and_told():
 
 
 def test_jobs_beyond_the_memory_wait_for_their_turn_and_a_paused_one_is_passed_over():
-    world = World({"a": "naive", "b": "naive", "c": "naive"}, Policy(first_rows=50, audit_share=0.0, open_bytes=1))
+    world = World(
+        {"a": "naive", "b": "naive", "c": "naive"}, Policy(first_rows=50, audit_share=0.0, open_bytes=1)
+    )
     phases = {job: state.phase for job, state in world.scheduler.jobs.items()}
     assert phases == {"a": Phase.OPENING, "b": Phase.WAITING, "c": Phase.WAITING}
     world.tell(E.Paused("b"))
