@@ -71,7 +71,7 @@ PER_ROW, PER_ROLLOUT = (
 
 
 def held_bytes(job: Job) -> int:
-    """Memory that an open job takes at the scheduler at most: its batch, its algorithm's state, what its rollouts leave."""
+    """Memory that an open job takes at the scheduler at most: its batch, its algorithm's state, its rollouts' f."""
     options = _options(job.method, job.options)
     dim = dimension(job.scenario)
     kept = options.sizes()[2] if isinstance(options, ce.CrossEntropyOptions) else options.budget

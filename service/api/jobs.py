@@ -110,7 +110,8 @@ def wire(view: JobView) -> Job:
 def _too_heavy(held: int, most: int) -> ApiError:
     text = (
         f"the scheduler would hold up to {held / 1e6:,.0f} MB for this job, and this service takes jobs of at most "
-        f"{most / 1e6:,.0f} MB; give a smaller budget, smaller batches in options, or a scenario with fewer random numbers"
+        f"{most / 1e6:,.0f} MB; give a smaller budget, smaller batches in options, or a scenario with fewer random "
+        "numbers"
     )
     return ApiError("bad-job", text, (Wrong("options", f"{held} bytes", f"at most {most} bytes"),))
 

@@ -11,8 +11,8 @@ class Policy:
     given to a second worker, where there is nothing else to do; hold_s: how long a question for work may wait; losses:
     of a chunk, before it is split or its rollout given up; audit_share: of the chunks, run again by a second worker;
     open_audits: of a job at most; sticky_s: how far a worker may stay with its job beyond the job's share, as a change
-    costs it a second; garbled: messages from a worker before it is quarantined; progress_s: between two tellings of it; open_bytes: that all open jobs may hold (service.job.held_bytes), further
-    ones wait.
+    costs it a second; garbled: messages from a worker before it is quarantined; progress_s: between two tellings of it;
+    open_bytes: that open jobs may hold together (service.job.held_bytes), beyond which jobs wait.
     """
 
     chunk_s: float = 1.0
