@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from service.fleet.kept import Kept
 
 WORKER_DRAIN_S, DASHBOARD_DRAIN_S = 60.0, 5.0  # what each is given to end
+ANYWHERE = ("0.0.0.0", "[::]")
 LOOPBACK = ("/127.", "/localhost:", "/[::1]")
 
 
@@ -35,9 +36,18 @@ LOOPBACK = ("/127.", "/localhost:", "/[::1]")
               help="Work of a chunk: what a lost worker costs, and how often one asks.")  # fmt: skip
 @click.option("--dashboard", metavar="[HOST:]PORT|off", callback=address_or_off,
               help="Where browsers find the dashboard.  "
-              f"[default: {DEFAULT_ADDRESS}; with --zenoh-config off, as it needs a client's keys]")  # fmt: skip
+              f"[default: {DEFAULT_ADDRESS}; with --zenoh-config off: whoever reaches it acts with a client's "
+              "keys]")  # fmt: skip
 @click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
               help="Zenoh configuration file, for TLS, passwords and access control.")  # fmt: skip
+@click.option("--worker-config", type=click.Path(exists=True, dir_okay=False),
+              help="With --zenoh-config: the configuration of the local workers.  [default: worker.json5 beside it; "
+              "where there is none, no local workers]")  # fmt: skip
+@click.option(
+    "--dashboard-config",
+    type=click.Path(exists=True, dir_okay=False),
+    help="With --zenoh-config: the configuration of the dashboard, a client.  [default: client.json5 beside it]",
+)
 def command(
     listen: tuple[str, ...],
     home: Path,
@@ -47,6 +57,8 @@ def command(
     chunk_seconds: float,
     dashboard: str | None,
     zenoh_config: str | None,
+    worker_config: str | None,
+    dashboard_config: str | None,
     api: ApiSettings,
 ) -> None:
     """Serve jobs: take them, run them on local and connected workers, answer questions, until told to stop.
@@ -65,6 +77,14 @@ def command(
 
     log_to_stderr(api.log_json)
     limits = api.read_limits()
+    worker_config = worker_config or _beside(zenoh_config, "worker.json5")
+    dashboard_config = dashboard_config or _beside(zenoh_config, "client.json5")
+    procs = _checked_procs(workers, zenoh_config, worker_config)
+    dashboard = dashboard or (DEFAULT_ADDRESS if zenoh_config is None else OFF)
+    if dashboard != OFF and zenoh_config is not None and dashboard_config is None:
+        raise click.BadParameter(
+            f"there is no client.json5 beside {zenoh_config}: name the configuration of a client with "
+            "--dashboard-config", param_hint="--dashboard")  # fmt: skip
     stopping, died = threading.Event(), threading.Event()
 
     def on_death() -> None:
@@ -99,12 +119,11 @@ def command(
         fleet = Fleet(hub)
         seen = metrics_of(fleet, api.metrics, stack)
         stack.callback(Api(session, fleet, api.offered, limits, seen).close)
-        procs = core_count() if workers is None else workers
+        here = from_here(listen[0])
         if procs > 0:
-            stack.callback(_local_worker(listen[0], procs, zenoh_config).stop)
-        dashboard = dashboard or (DEFAULT_ADDRESS if zenoh_config is None else OFF)
+            stack.callback(_local_worker(here, procs, worker_config).stop)
         if dashboard != OFF:
-            stack.callback(_dashboard(listen[0], dashboard, zenoh_config).stop)
+            stack.callback(_dashboard(here, dashboard, dashboard_config).stop)
         click.echo(f"serving on {', '.join(listen)}, {procs} local worker processes", err=True)
         stopping.wait()
         click.echo("stopping: what is being run is finished first", err=True)
@@ -112,6 +131,32 @@ def command(
         raise TailroadError(
             "the scheduler ended by an error of its own, told above; nothing recorded is lost: start it again"
         )
+
+
+def from_here(endpoint: str) -> str:
+    """Where this machine itself reaches what listens at the endpoint: by a name that a certificate can hold."""
+    scheme, _, rest = endpoint.partition("/")
+    host, colon, port = rest.rpartition(":")
+    return f"{scheme}/localhost:{port}" if colon and scheme != "tcp" and host in ANYWHERE else endpoint
+
+
+def _beside(zenoh_config: str | None, name: str) -> str | None:
+    """The configuration of that name that lies with the scheduler's, as make-security writes them."""
+    if zenoh_config is None:
+        return None
+    found = Path(zenoh_config).parent / name
+    return str(found) if found.is_file() else None
+
+
+def _checked_procs(workers: int | None, zenoh_config: str | None, worker_config: str | None) -> int:
+    """How many local worker processes there are to be."""
+    if zenoh_config is None or worker_config is not None:
+        return core_count() if workers is None else workers
+    if workers:
+        raise click.BadParameter(
+            f"there is no worker.json5 beside {zenoh_config}: name the configuration of a worker with "
+            "--worker-config, or run the workers elsewhere (--workers 0)", param_hint="--workers")  # fmt: skip
+    return 0
 
 
 def _local_worker(endpoint: str, procs: int, zenoh_config: str | None) -> "Kept":

@@ -6,6 +6,7 @@ import signal
 import socket
 import sys
 import threading
+from contextlib import suppress
 
 import click
 
@@ -54,8 +55,9 @@ def command(
 
         def stop(signum: int, frame: object) -> None:
             signal.signal(signum, signal.SIG_DFL)
-            click.echo(f"worker {name}: {DRAIN_HINT}", err=True)
             worker.stop()
+            with suppress(OSError):  # whoever read it may be gone
+                click.echo(f"worker {name}: {DRAIN_HINT}", err=True)
 
         signal.signal(signal.SIGTERM, stop)
         signal.signal(signal.SIGINT, stop)

@@ -116,7 +116,7 @@ class Link:
         before, self._here, self._reason = self._here, here, reason
         if before is not here:
             self._began += here
-            log.warning("the service answers" if here else reason)
+            log.log(logging.INFO if here else logging.WARNING, "the service answers" if here else reason)
             self._changed(here)
 
     def close(self) -> None:

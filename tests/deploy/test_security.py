@@ -6,13 +6,18 @@ import signal
 import socket
 import subprocess
 import sys
+import time
+import urllib.request
 from functools import partial
 from pathlib import Path
 
 import pytest
 import zenoh
+from click.testing import CliRunner
 
 from service.api.routes import TOPS
+from service.cli.main import main
+from service.client import Client, NoAnswer
 from service.errors import InputError
 from service.fleet.zenoh_link import client_session, router_session
 
@@ -25,7 +30,7 @@ PATIENCE_S = 30.0
 
 
 def make_security(folder: Path, *arguments: str) -> Path:
-    subprocess.run([SCRIPT, folder, *arguments, "localhost", "127.0.0.1"], check=True, capture_output=True)
+    subprocess.run([SCRIPT, folder, *arguments, "head.example.org"], check=True, capture_output=True)
     return folder
 
 
@@ -240,28 +245,51 @@ def test_wrong_use_of_the_script_is_refused(arguments, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_command_line_works_over_tls_for_clients_alone(keys, tmp_path):
-    endpoint = f"tls/127.0.0.1:{free_port()}"
+def test_one_command_serves_over_tls_with_local_workers_and_a_dashboard_for_clients_alone(tmp_path):
+    keys = make_security(tmp_path / "keys")
+    port, web = free_port(), free_port()
+    endpoint = f"tls/localhost:{port}"
     tailroad = [sys.executable, "-m", "service.cli"]
-    home = ["--home", tmp_path / "home", "--procs", "0", "--dashboard", "off"]
-    serve = [*tailroad, "serve", "--listen", endpoint, "--zenoh-config", keys / "scheduler.json5", *home]
-    ask = [*tailroad, "health", "--connect", endpoint, "--timeout", "5"]
-    with subprocess.Popen(serve, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as server:
+    config = ["--zenoh-config", keys / "scheduler.json5", "--home", tmp_path / "home"]
+    listen = ["--listen", f"tls/0.0.0.0:{port}", "--procs", "1", "--dashboard", str(web)]
+    with subprocess.Popen(
+        [*tailroad, "serve", *listen, *config], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as server:
         try:
             assert server.stdout is not None
-            for line in server.stdout:
-                if endpoint in line:
+            said = []
+            for line in server.stdout:  # ends with the server
+                said.append(line)
+                if all(any(text in one for one in said) for text in ("serving on", "the service answers")):
                     break
-            for role, code in (("client", 0), ("worker", 1)):
-                answered = subprocess.run(
-                    [*ask, "--zenoh-config", keys / f"{role}.json5"],
-                    capture_output=True,
-                    text=True,
-                    check=False,
-                )
-                assert answered.returncode == code, answered.stdout + answered.stderr
+            with Client(endpoint, str(keys / "client.json5"), timeout_s=10.0) as client:
+                deadline = time.monotonic() + 120.0
+                while client.health().procs != 1:  # the local worker has come in by its own certificate
+                    assert time.monotonic() < deadline, said
+                    time.sleep(0.1)
+            with urllib.request.urlopen(f"http://127.0.0.1:{web}/parts/jobs", timeout=60.0) as page:
+                assert "There are no jobs yet" in page.read().decode()
+            worker = Client(endpoint, str(keys / "worker.json5"), timeout_s=3.0, patience_s=0.0)
+            with worker, pytest.raises(NoAnswer):
+                worker.health()
         finally:
             server.send_signal(signal.SIGTERM)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [(("--procs", "2"), "--worker-config"), (("--dashboard", "0"), "--dashboard-config")],
+    ids=["workers", "dashboard"],
+)
+def test_without_keys_of_their_own_workers_and_dashboard_are_refused_with_what_to_do(
+    keys, tmp_path, given, said
+):
+    alone = tmp_path / "scheduler.json5"
+    alone.write_bytes((keys / "scheduler.json5").read_bytes())
+    arguments = ["serve", "--zenoh-config", str(alone), "--home", str(tmp_path / "home"), *given]
+    answered = CliRunner().invoke(main, arguments)
+    assert answered.exit_code == 2
+    assert said in answered.output
 
 
 def test_clients_have_a_right_to_every_key_of_the_api():
