@@ -20,7 +20,7 @@ from service.reproduce.qualitative import qualitative_page
 from service.reproduce.scale_page import scale_page
 from service.reproduce.sizes import SCALES
 
-WORLDS_TITLE = "Other worlds: another road, another's ego, a black box"
+WORLDS_TITLE = "Other worlds: the whole 2 km, another road, another's ego, a black box"
 FLEET = tuple(name for name in PLANS if name != "worlds")  # its black box is on this machine
 TOLD_EVERY_S = 60.0  # where standard error is no terminal
 
@@ -63,7 +63,7 @@ def command(
     table2, fig3 the vision ego, with the settings tuned on the lidar ego
     beyond       our estimators at equal total cost, down to p = 1e-6
     qualitative  what was learned, how the ego fails, films
-    worlds       another road, another's ego, a black box
+    worlds       the whole 2 km, another road, another's ego, a black box
     scale        local cores measured, larger fleets played
     peers        other simulators, installed and timed beside ours
 

@@ -24,19 +24,21 @@ SEARCHES: dict[str, dict[str, Any]] = {PAPER: {}, NEAR: {"mean_box": 0.0001, "ma
 HIGHEST_S = 0.999  # that a ground truth knows (`service.reproduce.truth`)
 CURVE_POINTS = 60
 BEST_RHO = 0.01  # of the paper's four
-# Roads and egos that nothing here was made for: what it is, the scenario, the ego. The black box is served by
-# a process of its own, over Zenoh (`service.reproduce.black_box`).
+WORLD_THRESHOLDS = (0.75, 0.65, 0.58)
+# The paper's method and ours, where not all are to be run: the name in tables, the method, its options, the noise. Over
+# 2 km the drivers' noise is too long to be searched.
+NEAREST = (f"CE {NEAR}, ρ = 0.1", "ce", {"rho": 0.1, **SEARCHES[NEAR]}, None)
+Series = tuple[str, str, dict[str, Any], Noise | None]
+TWO: tuple[Series, ...] = (NEAREST, ("splitting, noise searched", "splitting", {}, "searched"))
+TWO_ON_THE_WHOLE_ROAD: tuple[Series, ...] = (NEAREST, ("splitting", "splitting", {}, None))
+# The whole road, and roads and egos that nothing here was made for: what it is, the scenario, the ego, the methods. The
+# black box is served by a process of its own, over Zenoh (`service.reproduce.black_box`).
 BLACK_BOX = "black-box"
 OTHER_WORLDS = (
-    ("US-101 at Los Angeles, lidar ego", "us101-10s", "lidar"),
-    ("I-80, SUMO's own car-following controller (Krauss)", "i80-10s", "sumo:Krauss"),
-    ("I-80, a black box over Zenoh", "i80-10s", f"zenoh:{BLACK_BOX}"),
-)
-WORLD_THRESHOLDS = (0.75, 0.65, 0.58)
-# The paper's method and ours, where not all are to be run: the name in tables, the method, its options, the noise
-TWO: tuple[tuple[str, str, dict[str, Any], Noise | None], ...] = (
-    (f"CE {NEAR}, ρ = 0.1", "ce", {"rho": 0.1, **SEARCHES[NEAR]}, None),
-    ("splitting, noise searched", "splitting", {}, "searched"),
+    ("The whole 2 km of I-80, lidar ego", "i80", "lidar", TWO_ON_THE_WHOLE_ROAD),
+    ("US-101 at Los Angeles, lidar ego", "us101-10s", "lidar", TWO),
+    ("I-80, SUMO's own car-following controller (Krauss)", "i80-10s", "sumo:Krauss", TWO),
+    ("I-80, a black box over Zenoh", "i80-10s", f"zenoh:{BLACK_BOX}", TWO),
 )
 # Our own estimators: the name in tables, the method, the drivers' action noise
 OURS: tuple[tuple[str, str, Noise | None], ...] = (
@@ -209,10 +211,10 @@ def _table2(scale: str, seed: int) -> Plan:
 
 
 def _worlds(scale: str, seed: int) -> tuple[Plan, ...]:
-    """Another road, another's ego, a black box: the same estimators with the same settings."""
+    """The whole road, another road, another's ego, a black box: the same estimators with the same settings."""
     size = WORLDS[scale]
     plans = []
-    for what, scenario, ego in OTHER_WORLDS:
+    for what, scenario, ego, methods in OTHER_WORLDS:
         gammas = WORLD_THRESHOLDS
         runs = [
             Run(
@@ -225,7 +227,7 @@ def _worlds(scale: str, seed: int) -> tuple[Plan, ...]:
                 seed=seed + repeat,
                 noise=noise,
             )
-            for series, method, options, noise in TWO
+            for series, method, options, noise in methods
             for repeat in range(size.seeds)
         ]
         plans.append(
