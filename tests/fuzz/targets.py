@@ -45,6 +45,7 @@ from service.fleet.messages import (
     decode_request,
     encode,
 )  # fmt: skip
+from service.fleet.policy import Policy
 from service.fleet.service import Fleet
 from service.job import make_job
 from service.scenario.load import load_scenario
@@ -53,6 +54,7 @@ from tests.fuzz.file_targets import I80, FileTargets
 from tests.fuzz.payloads import bodies, damaged, json_of, parameters, text
 from tests.fuzz.target import Target
 
+OPEN_BYTES = 150_000_000  # that open jobs may hold together
 SUBMISSION = {"scenario": "i80-10s", "ego": "idm", "gamma": 0.5, "method": "ce", "budget": 20_000, "rel_error": 0.5,
               "confidence": 0.9, "options": {"rho": 0.2, "iterations": 2}, "seed": 3, "priority": 1, "weight": 2.0,
               "label": "a label"}  # fmt: skip
@@ -70,9 +72,9 @@ class Targets:
 
     def __init__(self, folder: Path):
         self._store = JobStore(f"sqlite:///{folder / 'fleet.sqlite'}")
-        self._hub = Hub(self._store)
+        self._hub = Hub(self._store, Policy(open_bytes=OPEN_BYTES))
         self._hub.start()
-        limits = Limits(requests_per_s=1e9, submissions_per_s=1e9)
+        limits = Limits(requests_per_s=1e9, submissions_per_s=1e9, open_bytes=OPEN_BYTES)
         self._application = Application(Fleet(self._hub), Catalogue(), limits)
         self._job = self._submit()
         scenario = SUBMISSION | {"scenario": I80}
