@@ -35,6 +35,7 @@ class Corridor:
     road_left, road_right: (K+1,), offsets of the outermost drivable edges.
     edge_index, sumo_lane: (L, K+1) int32, index into `edges` and SUMO's lane index (0 = rightmost), -1 where
     the lane is absent; inside a junction they are those of the nearer edge.
+    reserved: (L, K+1) bool, where a lane exists that ordinary passenger cars may not use (a high-occupancy lane).
     """
 
     name: str
@@ -53,6 +54,7 @@ class Corridor:
     road_right: np.ndarray
     edge_index: np.ndarray
     sumo_lane: np.ndarray
+    reserved: np.ndarray
 
     @property
     def lane_count(self) -> int:
@@ -149,6 +151,7 @@ def read_corridor(path: str | Path, edges: Sequence[str], name: str | None = Non
     shape = (chain.columns, len(stations))
     left, right = np.full(shape, np.nan), np.full(shape, np.nan)
     edge_index, sumo_lane = np.full(shape, -1, np.int32), np.full(shape, -1, np.int32)
+    reserved = np.zeros(shape, bool)
     for column in range(chain.columns):
         for run in chain.runs(column):
             points, widths, owner = chain.polyline(run, column)
@@ -170,6 +173,7 @@ def read_corridor(path: str | Path, edges: Sequence[str], name: str | None = Non
         for position, lane in enumerate(lanes):
             column = chain.first[i] + position
             sumo_lane[column, edge_index[column] == i] = lane.getIndex()
+            reserved[column, edge_index[column] == i] = not lane.allows("passenger")
     absent = np.flatnonzero((sumo_lane < 0).all(axis=0))
     if len(absent):
         raise NetworkError(f"{path}: no lane at station {stations[absent[0]]:.0f} m of the corridor")
@@ -190,6 +194,7 @@ def read_corridor(path: str | Path, edges: Sequence[str], name: str | None = Non
         road_right=np.nanmin(right, axis=0),
         edge_index=edge_index,
         sumo_lane=sumo_lane,
+        reserved=reserved,
     )
 
 

@@ -87,7 +87,7 @@ def _stretched(axes, road: Corridor, net, lines: dict[str, np.ndarray]) -> None:
             axes.fill_between(
                 s[shown], (offset - width / 2)[shown], (offset + width / 2)[shown], color=RAMP, lw=0
             )
-    hov = _hov_lanes(road, net)
+    hov = set(np.flatnonzero(road.reserved.any(axis=1)))
     for lane in range(road.lane_count):
         through = np.isfinite(road.lane_left[lane]).all()
         colour = HOV if lane in hov else LANE if through else AUXILIARY
@@ -113,17 +113,6 @@ def _stretched(axes, road: Corridor, net, lines: dict[str, np.ndarray]) -> None:
     reach = (float(road.road_right.min()) - 15.0, float(road.road_left.max()) + 6.0)
     axes.set(title="stretched: lateral offset against station", ylabel="offset (m, + left)", ylim=reach)
     axes.set_xlim(0.0, road.length_m)
-
-
-def _hov_lanes(road: Corridor, net) -> set[int]:
-    """Lanes closed to ordinary passenger cars at their first station."""
-    out = set()
-    for lane in range(road.lane_count):
-        k = int(np.argmax(road.sumo_lane[lane] >= 0))
-        edge, index = road.sumo_position(lane, float(road.station_m[k]))
-        if not net.getEdge(edge).getLanes()[index].allows("passenger"):
-            out.add(lane)
-    return out
 
 
 def _legend(axes, with_lines: bool, with_hov: bool) -> None:

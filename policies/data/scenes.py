@@ -36,6 +36,7 @@ US101_LANES = "scenes/us101_lanes.json"
 
 # The last vehicles of each recording are held out, so that train and test drivers differ.
 I80_HELD_OUT_FROM = 2470
+I80_RESERVED = (0,)  # lane 1 is for high-occupancy vehicles
 US101_HELD_OUT_FROM = 500
 
 SLOW_MPS = 2.0  # below it the heading fades to the lane's
@@ -64,7 +65,7 @@ class SceneRoad:
 
     station_m (K+1,) every `ds_m`; reference line ref_x, ref_y (m), ref_heading (rad, unwrapped), ref_curvature
     (1/m); lane_left, lane_right (L, K+1) lateral offsets in m, positive to the left, lane 1 (leftmost) first;
-    road_left, road_right (K+1,) outermost edges.
+    road_left, road_right (K+1,) outermost edges; reserved (L, K+1) bool: high-occupancy lanes.
     """
 
     name: str
@@ -78,6 +79,7 @@ class SceneRoad:
     lane_right: np.ndarray
     road_left: np.ndarray
     road_right: np.ndarray
+    reserved: np.ndarray
 
     @property
     def length_m(self) -> float:
@@ -125,9 +127,17 @@ class Scene:
 
 
 def straight_lanes(
-    name: str, length_m: float, lanes: int, width_m: float, curve: tuple | None = None, ds_m: float = 1.0
+    name: str,
+    length_m: float,
+    lanes: int,
+    width_m: float,
+    curve: tuple | None = None,
+    ds_m: float = 1.0,
+    reserved: tuple[int, ...] = (),
 ) -> SceneRoad:
     """Parallel lanes along the x axis, or along `curve` = (x, y, heading, curvature) sampled every ds_m.
+
+    reserved: indices of high-occupancy lanes (0 = leftmost).
 
     The reference line is the boundary between the middle lanes shifted so that lane 1's centre lies at
     (lanes - 1) / 2 * width_m to its left.
@@ -138,7 +148,9 @@ def straight_lanes(
     x, y, heading, curvature = (station, zero, zero, zero) if curve is None else curve
     edges = (lanes / 2 - np.arange(lanes + 1))[:, None] * width_m + np.zeros(k)
     arrays = (station, x, y, heading, curvature, edges[:-1], edges[1:], edges[0], edges[-1])
-    return SceneRoad(name, ds_m, *(np.ascontiguousarray(a, dtype=np.float64) for a in arrays))
+    closed = np.repeat(np.isin(np.arange(lanes), reserved)[:, None], k, axis=1)
+    lines = [np.ascontiguousarray(a, dtype=np.float64) for a in arrays]
+    return SceneRoad(name, ds_m, *[*lines, closed])
 
 
 def read_i80(data: Path | str, lanes_json: Path | str | None = None, road_length_m: float = 600.0) -> Scene:
@@ -150,7 +162,7 @@ def read_i80(data: Path | str, lanes_json: Path | str | None = None, road_length
     centres = np.array([lanes["centre_local_x_m"][str(i)] for i in range(1, 7)])  # to the right of the median
     centres = np.vstack([centres, centres[-1] + 1.95 + 1.85])  # on-ramp lane beside lane 6
     width = float((centres[5] - centres[0]).mean() / 5.0)
-    road = straight_lanes("ngsim-i80", road_length_m, 7, width)
+    road = straight_lanes("ngsim-i80", road_length_m, 7, width, reserved=I80_RESERVED)
     s_raw, d_raw = table["x_m"].to_numpy(), table["y_m"].to_numpy()
     d = rectify(s_raw, -d_raw, grid, centres, width)
     length = np.clip(table["length_est_m"].to_numpy() - I80_LENGTH_EXCESS_M, 3.6, None)

@@ -8,9 +8,11 @@ lateral positions, lane by lane, every CELL_M; from there on a recording is trea
 Recordings are cut into scenes of WINDOW_S, because a scene holds every vehicle in every frame.
 
 A recording can become scenes if all vehicles of the road are in it, with lateral positions, lanes and lengths. Pairs,
-chains and moved samples cannot; they are passed over, with the reason.
+chains and moved samples cannot; they are passed over, with the reason. Lane 1 of a recording whose name says i-80 (or
+i80) is reserved for high-occupancy vehicles; tables say of no other road that one of its lanes is.
 """
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +20,16 @@ import numpy as np
 import polars as pl
 
 from policies.data.ngsim_schema import DT_S, FLAGS, LAYOUTS, SCHEMA
-from policies.data.scenes import I80_WIDTH_M, DataError, Scene, SceneRoad, assemble, rectify, straight_lanes
+from policies.data.scenes import (
+    I80_RESERVED,
+    I80_WIDTH_M,
+    DataError,
+    Scene,
+    SceneRoad,
+    assemble,
+    rectify,
+    straight_lanes,
+)
 
 WINDOW_S = 120.0
 CELL_M = 20.0
@@ -137,9 +148,9 @@ def _road(file: Path, names: list[str]) -> _Lanes:
     )
     if (lane > len(centres)).any():  # a ramp, or an auxiliary lane along a part of the road
         centres = np.vstack([centres, centres[-1] + width])
-    return _Lanes(
-        origin, grid, centres, straight_lanes(names[0], float(s.max()) + AFTER_M, len(centres), width)
-    )
+    reserved = I80_RESERVED if re.search(r"\bi-?80\b", names[0].lower()) else ()
+    road = straight_lanes(names[0], float(s.max()) + AFTER_M, len(centres), width, reserved=reserved)
+    return _Lanes(origin, grid, centres, road)
 
 
 def _scenes(table: pl.DataFrame, name: str, lanes: _Lanes) -> list[Scene]:

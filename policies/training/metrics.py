@@ -235,7 +235,7 @@ def brakes_for_leader(network: Network, road: Road, rng: np.random.Generator, ca
         replay = np.zeros((steps + 1, 1, 4))
         station = leader[A.STATION] * road.spacing_m + slower * t
         k = np.clip(np.round(station).astype(int), 0, len(road.reference) - 1)
-        centre = 0.5 * road.lanes[k, 2].sum(axis=1)
+        centre = 0.5 * road.lanes[k, 2, :2].sum(axis=1)
         stations = np.arange(len(road.reference)) * road.spacing_m
         x, y, heading = (np.interp(station, stations, road.reference[:, c]) for c in range(3))
         replay[:, 0, 0] = x - centre * np.sin(heading)

@@ -108,7 +108,7 @@ def locate(state: State, road: TorchRoad) -> Place:
     last = len(road.reference) - 1
     other = torch.where(along >= 0.0, (k + 1).clamp(max=last), (k - 1).clamp(min=0))
     share = (along.abs() / road.spacing_m).clamp(max=1.0)[..., None]
-    here, there = road.lanes[k], road.lanes[other]  # (B, C, L, 2)
+    here, there = road.lanes[k, :, :2], road.lanes[other, :, :2]  # (B, C, L, 2)
     step = torch.nan_to_num(there - here)  # a lane that ends at the neighbour keeps its boundaries
     edge = here + share[..., None] * step
     slope = 0.5 * step.sum(dim=-1) / torch.where(other > k, road.spacing_m, -road.spacing_m)[..., None]
@@ -119,8 +119,8 @@ def locate(state: State, road: TorchRoad) -> Place:
     left, right = (edge[..., i].gather(-1, pick)[..., 0] for i in range(2))
     slope = slope.gather(-1, pick)[..., 0]
     ahead = (k + int(O.LANE_AHEAD_M / road.spacing_m)).clamp(max=last)
-    goes_on = ~(torch.isnan(here[..., 0]) | torch.isnan(road.lanes[ahead][..., 0]))
-    goes_on = torch.nn.functional.pad(goes_on, (1, 1))
+    invites = ~(torch.isnan(here[..., 0]) | torch.isnan(road.lanes[ahead][..., 0]))
+    invites = torch.nn.functional.pad(invites & (road.lanes[k, :, 2] == 0.0), (1, 1))
     curvature = row[..., REF_CURVATURE]
     to_left, to_right = row[..., ROAD_LEFT] - offset, offset - row[..., ROAD_RIGHT]
     return Place(
@@ -134,8 +134,8 @@ def locate(state: State, road: TorchRoad) -> Place:
         curvature / (1.0 - curvature * offset),
         heading - row[..., REF_HEADING] - along * curvature - slope,
         (to_left < 0.0) | (to_right < 0.0) | ((k == 0) & (along < -0.5 * road.spacing_m)),
-        goes_on.gather(-1, pick)[..., 0].to(x.dtype),
-        goes_on.gather(-1, pick + 2)[..., 0].to(x.dtype),
+        invites.gather(-1, pick)[..., 0].to(x.dtype),
+        invites.gather(-1, pick + 2)[..., 0].to(x.dtype),
         to_left,
         to_right,
     )

@@ -97,7 +97,7 @@ def route_ahead(road: Road, row: np.ndarray) -> pb.Route:
     first = row[A.STATION] * road.spacing_m + row[A.ALONG_M]
     wanted = np.round((first + ROUTE_STEP_M * np.arange(1, ROUTE_POINTS + 1)) / road.spacing_m).astype(int)
     stations = wanted[wanted < len(road.reference)]
-    centre = road.lanes[stations, lane].mean(axis=1)
+    centre = road.lanes[stations, lane, :2].mean(axis=1)
     ends = np.flatnonzero(np.isnan(centre))
     if ends.size:
         stations, centre = stations[: ends[0]], centre[: ends[0]]

@@ -35,9 +35,9 @@ def place(
 
 
 @kernel
-def _goes_on(lanes: np.ndarray, lane: int, here: int, ahead: int) -> float:
-    """1 if `lane` exists at both stations, else 0."""
-    if lane < 0 or lane >= lanes.shape[1]:
+def _invites(lanes: np.ndarray, lane: int, here: int, ahead: int) -> float:
+    """1 if `lane` exists at both stations and is open to everybody, else 0."""
+    if lane < 0 or lane >= lanes.shape[1] or lanes[here, lane, 2] != 0.0:
         return 0.0
     return 0.0 if math.isnan(lanes[here, lane, 0]) or math.isnan(lanes[ahead, lane, 0]) else 1.0
 
@@ -46,8 +46,9 @@ def _goes_on(lanes: np.ndarray, lane: int, here: int, ahead: int) -> float:
 def locate(agent: np.ndarray, reference: np.ndarray, lanes: np.ndarray, spacing_m: float) -> None:
     """Update a vehicle's station, offset, lane and flags from its position and heading.
 
-    reference: (stations, 8); lanes: (stations, lanes, 2) left and right boundary offsets, NaN where a lane does
-    not exist. A vehicle is off the road when its centre lies beyond the outermost markings, or before the start.
+    reference: (stations, 8); lanes: (stations, lanes, 3) left and right boundary offsets, NaN where a lane does
+    not exist, and 1 where it is reserved (high-occupancy vehicles): the flags do not invite into such a lane. A
+    vehicle is off the road when its centre lies beyond the outermost markings, or before the start.
     """
     last = reference.shape[0] - 1
     k = int(agent[A.STATION])
@@ -103,8 +104,8 @@ def locate(agent: np.ndarray, reference: np.ndarray, lanes: np.ndarray, spacing_
     agent[A.LEFT_MARKING_M] = best_left - offset
     agent[A.RIGHT_MARKING_M] = offset - best_right
     ahead = min(k + int(LANE_AHEAD_M / spacing_m), last)
-    agent[A.LANE_TO_THE_LEFT] = _goes_on(lanes, best - 1, k, ahead)
-    agent[A.LANE_TO_THE_RIGHT] = _goes_on(lanes, best + 1, k, ahead)
+    agent[A.LANE_TO_THE_LEFT] = _invites(lanes, best - 1, k, ahead)
+    agent[A.LANE_TO_THE_RIGHT] = _invites(lanes, best + 1, k, ahead)
     curvature = row[REF_CURVATURE] / (1.0 - row[REF_CURVATURE] * offset)
     agent[A.CURVATURE_PER_M] = curvature
     agent[A.LANE_HEADING_RAD] = agent[A.HEADING_RAD] - row[REF_HEADING] - along * row[REF_CURVATURE] - slope

@@ -18,7 +18,9 @@ class Road(NamedTuple):
     """The geometry of a corridor, ready for the kernels."""
 
     reference: np.ndarray  # (stations, 8): columns of service.sim.projection
-    lanes: np.ndarray  # (stations, lanes, 2): left and right boundary offsets (m), NaN where a lane is absent
+    lanes: (
+        np.ndarray
+    )  # (stations, lanes, 3): left and right boundary offsets (m), NaN where a lane is absent; reserved
     spacing_m: float  # between stations
 
     @property
@@ -46,9 +48,9 @@ def road_of(corridor: Corridor) -> Road:
             _on_grid(corridor.road_right, LENGTH_GRID_M),
         ]
     )
-    lanes = np.stack([corridor.lane_left.T, corridor.lane_right.T], axis=-1)
+    bounds = _on_grid(np.stack([corridor.lane_left.T, corridor.lane_right.T], axis=-1), LENGTH_GRID_M)
     return Road(
         np.ascontiguousarray(reference),
-        np.ascontiguousarray(_on_grid(lanes, LENGTH_GRID_M)),
+        np.ascontiguousarray(np.concatenate([bounds, corridor.reserved.T[:, :, None]], axis=-1)),
         float(corridor.ds_m),
     )

@@ -59,12 +59,12 @@ def test_both_worlds_see_and_move_the_same(name, wide):
         assert np.allclose(state.y.numpy(), agents[..., A.Y_M], atol=1e-9)
 
 
-def test_lanes_beside_are_told_apart():
+def test_lanes_beside_are_told_apart_and_the_reserved_one_does_not_invite():
     road = i80_road()
     agents = starts(road, 1, wide=False)
     seen, _, _ = observe(tensors(agents), torch_road(road, torch.float64))
     beside = seen[0, :, O.LANE_TO_THE_LEFT : O.LANE_TO_THE_RIGHT + 1].tolist()
-    assert beside == [[0, 1], [1, 1], [1, 1], [1, 1], [1, 1], [1, 0]]
+    assert beside == [[0, 1], [0, 1], [1, 1], [1, 1], [1, 1], [1, 0]]
 
 
 def test_replayed_vehicles_follow_their_recording():

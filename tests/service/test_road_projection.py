@@ -9,8 +9,8 @@ import pytest
 
 from service import agents as A
 from service.sim.projection import REF_X, locate, place
-from service.sim.road import Road
-from sumo_nets.corridor import Corridor
+from service.sim.road import Road, road_of
+from sumo_nets.corridor import Corridor, load_corridor
 
 CENTIMETRE = 0.01
 
@@ -207,3 +207,14 @@ def test_the_kernels_tables_are_the_corridor_s_to_a_micrometre(i80, road):
     assert np.nanmax(np.abs(road.lanes[:, :, 0] - i80.lane_left.T)) < 1e-6
     assert np.array_equal(np.isnan(road.lanes[:, :, 0]), np.isnan(i80.lane_left.T))
     assert road.length_m == i80.length_m
+
+
+def test_nobody_is_invited_into_the_reserved_lane(i80, road):
+    assert i80.reserved[0].all()  # I-80's lane for several occupants
+    assert not i80.reserved[1:].any()
+    beside, inside, two_beside = (placed(road, 500.0, lane, 0.0, 0.0) for lane in (1, 0, 2))
+    assert [beside[A.LANE_TO_THE_LEFT], beside[A.LANE_TO_THE_RIGHT]] == [0.0, 1.0]
+    assert [inside[A.LANE_TO_THE_LEFT], inside[A.LANE_TO_THE_RIGHT]] == [0.0, 1.0]
+    assert [two_beside[A.LANE_TO_THE_LEFT], two_beside[A.LANE_TO_THE_RIGHT]] == [1.0, 1.0]
+    open_road = road_of(load_corridor("us101"))
+    assert placed(open_road, 300.0, 1, 0.0, 0.0)[A.LANE_TO_THE_LEFT] == 1.0
