@@ -90,8 +90,8 @@ def _stream(facts: Facts, not_good: list[str]) -> None:
     if own["touching_share"] > 0.1:
         text += (
             f"; {100.0 * own['touching_share']:.0f}% of frames are in contact. The drivers cannot free themselves "
-            "after a contact (the service then hands a vehicle to another driver; here nobody does), so contacts pile "
-            "up. Do not use them for dense traffic without that rule"
+            "after a contact, so contacts pile up; handing such vehicles to another driver, as the service does, does "
+            "not end them (decision 0081). Do not use these drivers for dense traffic"
         )
     if own["touching_share"] > 0.1 or abs(density / recorded["density_veh_per_km"] - 1.0) > 0.25:
         not_good.append(text + ".")
