@@ -70,8 +70,8 @@ class Arguments:
     recorded_share: float = 0.3  # of the rows in a batch
     perturbed_share: float = 0.15
     us101_weight: float = 2.0  # of a faster row relative to a slow one
-    horizons: str = "20,50,100"  # of the adversarial training, in steps
-    updates: int = 80  # for each horizon
+    horizons: str = "20,50,100,200"  # of the adversarial training, in steps
+    updates: int = 120  # for each horizon
     members: int = 24  # resamples of the last layer
     ridge: float = 3e-3  # pulls members to the common head where the data leave weights open
     member_rows: int = 40_000  # rows each resample is drawn from
