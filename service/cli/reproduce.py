@@ -58,6 +58,7 @@ def command(
     """Run an experiment of the paper again and write its page.
 
     \b
+    truth        the lidar ego by naive Monte Carlo alone
     table1       the lidar ego: ground truth, Algorithm 1 with rho = 0.01
     fig2         the same for several rho
     table2, fig3 the vision ego, with the settings tuned on the lidar ego

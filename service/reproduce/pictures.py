@@ -21,7 +21,8 @@ WHAT = {
 
 def pictures_of(outcome: Outcome) -> list[tuple[str, Picture]]:
     """File names and pictures: the paper's figure (both panels, and with training counted), and p against gamma."""
-    return [(f"{key}.svg", ratio_picture(outcome, key)) for key in WHAT] + [("p.svg", p_picture(outcome))]
+    ratios = WHAT if outcome.results else ()
+    return [(f"{key}.svg", ratio_picture(outcome, key)) for key in ratios] + [("p.svg", p_picture(outcome))]
 
 
 def ratio_picture(outcome: Outcome, key: str) -> Picture:

@@ -115,6 +115,12 @@ def plans_of(name: str, scale: str, seed: int = 1) -> tuple[Plan, ...]:
     return (made,) if isinstance(made, Plan) else made
 
 
+def _truth(scale: str, seed: int) -> Plan:
+    """The ground truth alone: what the other experiments with the lidar ego are held against."""
+    title = "Ground truth: the lidar ego by naive Monte Carlo"
+    return _plan("truth", scale, title, LIDAR[scale], "i80-10s", "lidar", [])
+
+
 def _table1(scale: str, seed: int) -> Plan:
     size = LIDAR[scale]
     runs = [
@@ -244,6 +250,7 @@ def _worlds(scale: str, seed: int) -> tuple[Plan, ...]:
 
 
 _MAKERS: dict[str, Callable[[str, int], Plan | tuple[Plan, ...]]] = {
+    "truth": _truth,
     "table1": _table1,
     "fig2": _fig2,
     "table2": _table2,

@@ -168,7 +168,9 @@ EVENTS_NOTE = "Events a rollout under the proposal over events a rollout under P
 
 
 def tables_of(outcome: Outcome) -> list[Table]:
-    """Every table of the page."""
+    """Every table of the page; a ground truth alone has one."""
+    if not outcome.results:
+        return [estimates_table(outcome)]
     found = [
         estimates_table(outcome),
         ratios_table(outcome, "events", "Ratio of rare events to naive Monte Carlo", EVENTS_NOTE),
