@@ -21,6 +21,11 @@ def significant(value: float | None, digits: int = 3) -> str:
     return f"{float(f'{mantissa}e{power}'):,.{max(digits - 1 - power, 0)}f}"
 
 
+def quantity(value: float, unit: str) -> str:
+    """A value as it was given, with its unit where it has one."""
+    return f"{value:g} {unit}".rstrip()
+
+
 def count(value: float | None) -> str:
     return NOT_KNOWN if value is None else f"{value:,.0f}"
 

@@ -5,6 +5,7 @@ from typing import Any, Literal
 import msgspec
 
 from service.failures.playback import Playback
+from service.told import Rollouts, Warning
 
 STATUSES = ("running", "paused", "done", "cancelled", "failed")
 OVER = ("done", "cancelled", "failed")
@@ -55,6 +56,7 @@ class Job(_Body, frozen=True):
     rollouts: int | None
     leases: int
     refusals: dict[str, str]
+    unit: str = ""  # of gamma: that of the scenario's safety measure
 
 
 class Jobs(_Body, frozen=True):
@@ -141,21 +143,6 @@ class Egos(_Body, frozen=True):
     items: tuple[Ego, ...]
 
 
-class Warning(_Body, frozen=True):
-    """What bears on how far an estimate can be relied on, and what to do."""
-
-    name: str
-    message: str
-    remedy: str
-
-
-class Rollouts(_Body, frozen=True):
-    total: int
-    training: int
-    estimation: int
-    failed: int
-
-
 class Estimate(_Body, frozen=True):
     """p = P0(f(X) <= gamma) from the batches that are complete; as `tailroad estimate --json` prints it."""
 
@@ -185,6 +172,7 @@ class Estimate(_Body, frozen=True):
     worker_s: float
     sim_s: float
     x_realtime_per_core: float | None
+    unit: str = ""  # of gamma
 
 
 class CurvePoint(_Body, frozen=True):

@@ -28,7 +28,7 @@ from service.record import JobRecord, replay
 from service.scenario import load_scenario
 from service.scenario.check import check_road
 from service.store import Chunk, RunDirectory
-from service.wording import significant
+from service.wording import quantity, significant
 
 
 @click.command()
@@ -187,7 +187,7 @@ HOW = {"normal": "normal", "paired counts": "exact, of the pairs", "bounds": "bo
 def _print(found: Comparison) -> None:
     console = Console()
     level = f"{found.confidence:.0%}"
-    console.print(f"\np = P0(f <= {found.gamma:g})")
+    console.print(f"\np = P0(f <= {quantity(found.gamma, found.unit)})")
     table = Table("", *[side.name for side in found.sides])
     rows = [
         ("scenario, ego", [f"{s.scenario}, {s.ego}" for s in found.sides]),
@@ -235,7 +235,7 @@ def _print_pair(console: Console, found: Comparison, pair: Pair, level: str) -> 
 
 
 def _change(mode: ModeChange) -> str:
-    return mode.change if mode.difference.clear or mode.change == "unclear" else f"{mode.change}?"
+    return "not distinguishable" if mode.change == "unclear" else mode.change
 
 
 def _span(ci: tuple[float, float | None]) -> str:

@@ -16,7 +16,7 @@ from service.failures.examine import EXAMINED
 from service.failures.find import find_failures
 from service.failures.objects import Failures
 from service.failures.rerun import Rerunner
-from service.wording import significant
+from service.wording import quantity, significant
 
 
 @click.command()
@@ -59,8 +59,8 @@ def command(
 def _print(run: Path, found: Failures) -> None:
     console = Console()
     console.print(
-        f"\n{found.run}: scenario {found.scenario}, ego {found.ego}, {found.method}; f <= {found.gamma:g} in "
-        f"{found.events:,} rollouts, {found.examined:,} of them grouped"
+        f"\n{found.run}: scenario {found.scenario}, ego {found.ego}, {found.method}; "
+        f"f <= {quantity(found.gamma, found.unit)} in {found.events:,} rollouts, {found.examined:,} of them grouped"
     )
     if found.modes:
         level = f"{found.confidence:.0%} interval"

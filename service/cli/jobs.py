@@ -8,6 +8,7 @@ from service.api.objects import Job, Jobs
 from service.cli.client_options import client_options, echo_json
 from service.cli.options import json_option
 from service.client import Client
+from service.wording import quantity
 
 
 @click.command()
@@ -31,8 +32,10 @@ def command(status: str | None, label: str | None, limit: int, client: Client, a
         Column("job", no_wrap=True), "scenario", "ego", "gamma", "method", "status", "rollouts", "label"
     )
     for job in found:
-        table.add_row(job.id, job.scenario, job.ego, f"{job.gamma:g}", job.method, told_status(job), counted(job),
-                      job.label)  # fmt: skip
+        event = quantity(job.gamma, job.unit)
+        table.add_row(
+            job.id, job.scenario, job.ego, event, job.method, told_status(job), counted(job), job.label
+        )
     Console().print(table)
 
 

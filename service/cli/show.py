@@ -9,6 +9,7 @@ from service.cli.client_options import client_options, echo_json
 from service.cli.jobs import counted, told_status
 from service.cli.options import finite, json_option
 from service.client import Client
+from service.wording import quantity
 
 
 @click.command()
@@ -30,8 +31,8 @@ def command(job: str, gamma: float | None, confidence: float | None, client: Cli
         "job": f"{found.id}  {found.label}",
         "status": told_status(found),
         "rollouts": counted(found) or f"{estimate.rollouts.total:,}",
-        "question": f"p = P0(f <= {estimate.gamma:g} s), {found.scenario}, ego {found.ego}, {found.method}, "
-        f"seed {found.seed}",
+        "question": f"p = P0(f <= {quantity(estimate.gamma, estimate.unit)}), {found.scenario}, ego {found.ego}, "
+        f"{found.method}, seed {found.seed}",
         "p": "not known" if estimate.p is None else f"{estimate.p:.3g} ± {estimate.std_error or 0.0:.2g}",
         f"{estimate.confidence:.0%} interval": f"{estimate.ci[0]:.3g} to {estimate.ci[1]:.3g}",
         "events": f"{estimate.events:,}",

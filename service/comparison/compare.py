@@ -37,7 +37,9 @@ from service.failures.rerun import Rerunner
 from service.failures.shares import mode_estimate
 from service.failures.tell import known_rows, mode_p, mode_share
 from service.record import JobRecord
+from service.scenario.measures import measure_kind
 from service.thresholds import curve_gammas
+from service.wording import quantity
 
 
 def comparison_of(
@@ -67,6 +69,7 @@ def comparison_of(
     pairs = [_pair(a, b, sides, examined, modes) for a, b in combinations(range(len(records)), 2)]
     return Comparison(
         gamma=records[0].estimate.gamma,
+        unit=measure_kind(records[0].job.scenario.safety.measure).unit,
         confidence=records[0].estimate.confidence,
         sides=tuple(sides),
         pairs=tuple(pairs),
@@ -101,6 +104,8 @@ def _pair(
 ) -> Pair:
     first, second = (examined[i].events.record.estimate for i in (a, b))
     difference = difference_of(first, second)
+    unit = measure_kind(examined[a].events.record.job.scenario.safety.measure).unit
+    event = f"f <= {quantity(first.gamma, unit)}"
     changes = [
         _change(
             mode,
@@ -118,7 +123,7 @@ def _pair(
         difference=difference,
         draws=pairs_of(first, second),
         modes=tuple(changes),
-        said=said_of((sides[a], sides[b]), difference, changes, first.gamma, first.confidence),
+        said=said_of((sides[a], sides[b]), difference, changes, event, first.confidence),
     )
 
 
@@ -149,15 +154,19 @@ def _members(examined: Examined, modes: dict[int, str], mode: str) -> np.ndarray
 def _change(mode: str, a: Examined, in_a: np.ndarray, b: Examined, in_b: np.ndarray) -> ModeChange:
     sides = _mode_side(a, in_a), _mode_side(b, in_b)
     difference = _mode_difference(a, in_a, b, in_b, sides)
-    if sides[0].events == 0 or sides[1].events == 0:
-        change = "appeared" if sides[0].events == 0 else "vanished"
-    elif difference.clear:
-        change = "more" if difference.difference > 0 else "less"
-    else:
-        change = "unclear"
+    change = change_of(difference, sides[0].events, sides[1].events)
     return ModeChange(
         mode=mode, name=mode_name(mode), a=sides[0], b=sides[1], difference=difference, change=change
     )
+
+
+def change_of(difference: Difference, events_a: int, events_b: int) -> str:
+    """What became of a mode (`ModeChange`): that one of the two did not meet it may be chance."""
+    if not difference.clear:
+        return "unclear"
+    if events_a == 0 or events_b == 0:
+        return "appeared" if events_a == 0 else "vanished"
+    return "more" if difference.difference > 0 else "less"
 
 
 def _mode_side(examined: Examined, member: np.ndarray) -> ModeSide:
@@ -206,8 +215,11 @@ def _notes(
     apart = [f"{runs[p.a]} and {runs[p.b]}" for p in pairs if not p.difference.paired]
     if apart:
         notes.append(
-            f"{'; '.join(apart)}: not the same draws, so that variances add. Naive Monte Carlo with the same seed and "
-            "budget (`tailroad compare SCENARIO --ego A --ego B`) needs far fewer rollouts to tell egos apart."
+            f"{'; '.join(apart)}: not the same draws, so that variances add. A method that searches looks for each "
+            "ego's own failures, and so draws for each from another distribution; splitting moves chains, which have "
+            "no draws to share. Naive Monte Carlo with the same seed and budget (`tailroad compare SCENARIO --ego A "
+            "--ego B`) runs the same draws, and needs far fewer rollouts to tell egos apart where the "
+            "event is not too rare for it."
         )
     for record, run, one in zip(records, runs, examined, strict=True):
         notes += [f"{run}: {warning.name}: {warning.message}" for warning in record.estimate.warnings]

@@ -60,7 +60,8 @@ class ModeSide(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ModeChange(msgspec.Struct, frozen=True, kw_only=True):
-    """A failure mode in both. change: "appeared" (none in A), "vanished" (none in B), "more", "less", or "unclear"."""
+    """A failure mode in both. change: "unclear" where the interval of the difference of p holds 0, whatever was met;
+    else "appeared" (none in A), "vanished" (none in B), "more" or "less"."""
 
     mode: str
     name: str
@@ -102,6 +103,7 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
 
     format: int = FORMAT
     gamma: float
+    unit: str = ""  # of gamma
     confidence: float
     sides: tuple[Side, ...]
     pairs: tuple[Pair, ...]

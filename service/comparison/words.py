@@ -10,10 +10,10 @@ def said_of(
     sides: tuple[Side, Side],
     difference: Difference,
     modes: Sequence[ModeChange],
-    gamma: float,
+    event: str,
     confidence: float,
 ) -> str:
-    """What the comparison comes to, in a few sentences."""
+    """What the comparison comes to, in a few sentences. event: as in "f <= 0.5 s"."""
     a, b = sides
     low, high = difference.difference_ci
     sure = level(confidence)
@@ -24,7 +24,7 @@ def said_of(
     else:
         verdict = f"No clear difference between {a.name} and {b.name}"
     said = [
-        f"{verdict}: p(f <= {gamma:g}) is {_p(b)} against {_p(a)}, a difference of {_signed(difference.difference)} "
+        f"{verdict}: p({event}) is {_p(b)} against {_p(a)}, a difference of {_signed(difference.difference)} "
         f"({sure} interval {_signed(low)} to {_signed(high)})"
     ]
     if difference.ratio is not None:
@@ -34,11 +34,16 @@ def said_of(
             f", or {significant(difference.ratio, 2)} times as often ({significant(least, 2)} to {upper})"
         )
     said[0] += "."
-    for change, what in (("appeared", f"in {b.name} only"), ("vanished", f"in {a.name} only")):
-        found = [m for m in modes if m.change == change]
+    for change, what in (("appeared", f"in {b.name} only"), ("vanished", f"in {a.name} only"),
+                         ("more", f"more often in {b.name}"), ("less", f"less often in {b.name}")):  # fmt: skip
+        found = "; ".join(mode.name for mode in modes if mode.change == change)
         if found:
-            named = "; ".join(f"{m.name}{'' if m.difference.clear else ' (may be chance)'}" for m in found)
-            said.append(f"Ways to fail met {what}: {named}.")
+            said.append(f"Ways to fail met {what}: {found}.")
+    chance = sum(mode.change == "unclear" for mode in modes)
+    if chance:
+        others = "other " if chance < len(modes) else ""
+        ways = f"the {chance} {others}ways" if chance > 1 else f"the {others}way"
+        said.append(f"In {ways} to fail they are not distinguishable.")
     return " ".join(said)
 
 

@@ -10,6 +10,7 @@ from service.failures.objects import Failures
 from service.failures.rerun import Rerunner
 from service.failures.tell import failure_told, modes_told, same_bits
 from service.record import JobRecord
+from service.scenario.measures import measure_kind
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,7 @@ def find_failures(
         ego=job.ego,
         method=job.method,
         gamma=estimate.gamma,
+        unit=measure_kind(record.job.scenario.safety.measure).unit,
         confidence=estimate.confidence,
         p=estimate.p if estimate.estimation_rollouts else None,
         ci=estimate.ci,

@@ -49,8 +49,8 @@ class Mode(msgspec.Struct, frozen=True, kw_only=True):
     example: Failure  # the first of its rollouts in the order asked for
 
 
-class Failures(msgspec.Struct, frozen=True, kw_only=True):
-    """How a job's ego fails."""
+class Modes(msgspec.Struct, frozen=True, kw_only=True):
+    """The ways in which a job's ego fails."""
 
     format: int = FORMAT
     run: str
@@ -59,6 +59,7 @@ class Failures(msgspec.Struct, frozen=True, kw_only=True):
     ego: str
     method: str
     gamma: float
+    unit: str = ""  # of gamma
     confidence: float
     p: float | None
     ci: tuple[float, float]
@@ -66,5 +67,10 @@ class Failures(msgspec.Struct, frozen=True, kw_only=True):
     events: int  # dangerous rollouts in the estimation
     examined: int  # of them run once more and grouped
     modes: tuple[Mode, ...]  # the likeliest first
-    failures: tuple[Failure, ...]  # the first in the order asked for
     notes: tuple[str, ...]  # what bears on how far this can be relied on
+
+
+class Failures(Modes, frozen=True, kw_only=True):
+    """How a job's ego fails."""
+
+    failures: tuple[Failure, ...]  # the first in the order asked for

@@ -19,6 +19,7 @@ from service.fleet.scheduler import Scheduler
 from service.fleet.workers import WorkerState
 from service.job import Job
 from service.record import JobRecord, replay
+from service.scenario.measures import measure_kind
 from service.store.jobs import Event, JobRow
 from service.store.reader import JobReader
 from service.summary import Cost, summary_of
@@ -36,6 +37,7 @@ class JobView(msgspec.Struct, frozen=True):
     scenario: str
     ego: str
     gamma: float
+    unit: str  # of gamma, "" where the measure has none
     method: str
     options: dict[str, Any]
     seed: int
@@ -234,7 +236,8 @@ class Fleet:
     def _view(self, row: JobRow, told: dict[str, tuple[int, int, dict[str, str]]]) -> JobView:
         rollouts, leases, refusals = told.get(row.id, (None, 0, {}))
         job = row.job
-        return JobView(row.id, row.number, row.label, job.scenario.name, job.ego, job.gamma, job.method, job.options,
+        return JobView(row.id, row.number, row.label, job.scenario.name, job.ego, job.gamma,
+                       measure_kind(job.scenario.safety.measure).unit, job.method, job.options,
                        job.seed, row.priority, row.weight, row.at, row.status, row.reason, rollouts, leases,
                        refusals)  # fmt: skip
 

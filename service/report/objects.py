@@ -7,10 +7,10 @@ from typing import Any
 
 import msgspec
 
-from service.failures.motion import Motion
-from service.failures.objects import Mode
+from service.failures.objects import Failure, Modes
 from service.learned.objects import Learned
 from service.risk import Risk
+from service.told import Rollouts, Warning
 
 FORMAT = 2
 Number = float | None
@@ -54,21 +54,6 @@ class ScenarioFacts(_Fact, frozen=True):
     dimension: int
     drivers_sha256: str
     file: dict[str, Any]
-
-
-class Rollouts(_Fact, frozen=True):
-    total: int
-    training: int
-    estimation: int
-    failed: int
-
-
-class Warning(_Fact, frozen=True):
-    """What bears on how far an estimate can be relied on, and what to do."""
-
-    name: str
-    message: str
-    remedy: str
 
 
 class Progress(_Fact, frozen=True):
@@ -224,47 +209,13 @@ class JobFacts(_Fact, frozen=True):
     x_realtime_per_core: Number
 
 
-class ModesFacts(_Fact, frozen=True):
+class ModesFacts(Modes, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The failure modes of one job of the run, as `tailroad failures --json` prints them, without the list."""
 
-    format: int
-    run: str
-    job: str
-    scenario: str
-    ego: str
-    method: str
-    gamma: float
-    confidence: float
-    p: Number
-    ci: tuple[float, float]
-    order: str
-    events: int
-    examined: int
-    modes: tuple[Mode, ...]
-    notes: tuple[str, ...]
 
-
-class Dangerous(_Fact, frozen=True):
+class Dangerous(Failure, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A dangerous rollout that the report shows: as of `tailroad failures --json`, and when its worst moment was."""
 
-    rank: int
-    iteration: int
-    row: int
-    noise_seed: str
-    f: float
-    f_again: Number
-    same_to_the_bit: bool
-    outcome: str
-    error: str | None
-    log_likelihood: float
-    starts_log_likelihood: float
-    weight: float
-    share: float
-    mode: str
-    kind: str | None
-    other: str | None
-    motion: Motion | None
-    starts: dict[str, dict[str, float]]
     job: str
     method_name: str
     mode_name: str

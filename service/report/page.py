@@ -63,6 +63,7 @@ def render(template: str, **values: Any) -> str:
     )
     environment.filters |= {
         "significant": wording.significant,
+        "quantity": wording.quantity,
         "count": wording.count,
         "percent": wording.percent,
         "level": wording.level,

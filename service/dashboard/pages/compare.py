@@ -10,9 +10,10 @@ from service.comparison.objects import Comparison
 from service.dashboard.charts import Chart, Mark, Series, figure
 from service.dashboard.link import FOR_GOOD_S
 from service.dashboard.pages.job import named
+from service.dashboard.pages.job_charts import axis
 from service.dashboard.pages.jobs import all_jobs
 from service.dashboard.site import Part, Site
-from service.wording import level
+from service.wording import level, quantity
 
 MOST = 6  # jobs beside each other
 LISTED = 200  # to choose from, the newest
@@ -70,10 +71,10 @@ def curves_together(found: Comparison, jobs: Sequence[Job]) -> Chart:
         id="chart-together",
         title="Probability against threshold",
         shows=f"p of each against the threshold, with pointwise {level(found.confidence)} intervals.",
-        x_label="threshold γ",
+        x_label=axis("threshold γ", found.unit),
         y_label="p = P₀(f ≤ γ)",
         series=series,
-        marks=(Mark("x", found.gamma, f"γ = {found.gamma:g}"),),
+        marks=(Mark("x", found.gamma, f"γ = {quantity(found.gamma, found.unit)}"),),
         y_log=bool(values) and max(values) > WIDE * min(values),
         note=f"Bands: {level(found.confidence)} intervals, pointwise.",
     )

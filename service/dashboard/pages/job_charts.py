@@ -6,7 +6,7 @@ from statistics import NormalDist
 
 from service.api.objects import Curve, Estimate, EstimateStep, Job, SearchStep
 from service.dashboard.charts import Chart, Mark, Series
-from service.wording import count, level, significant
+from service.wording import count, level, quantity, significant
 
 FEW = 20.0  # times between smallest and largest p, above which the axis is logarithmic
 
@@ -72,10 +72,10 @@ def probability_against_threshold(job: Job, curve: Curve, estimate: Estimate) ->
         id="chart-curve",
         title="Probability against threshold",
         shows=shows,
-        x_label="threshold γ",
+        x_label=axis("threshold γ", job.unit),
         y_label="p = P₀(f ≤ γ)",
         series=tuple(series),
-        marks=(Mark("x", job.gamma, f"γ = {job.gamma:g}"),),
+        marks=(Mark("x", job.gamma, f"γ = {quantity(job.gamma, job.unit)}"),),
         y_log=_is_wide(values),
         note=note,
     )
@@ -98,11 +98,11 @@ def of_the_search(job: Job, search: Sequence[SearchStep], estimate: Sequence[Est
             Chart(
                 id="chart-gamma",
                 title="Threshold of the search",
-                shows=f"The threshold gamma k of each iteration; the search aims at {job.gamma:g}.",
+                shows=f"The threshold gamma k of each iteration; the search aims at {quantity(job.gamma, job.unit)}.",
                 x_label="iteration",
-                y_label="γ_k",
+                y_label=axis("γ_k", job.unit),
                 series=(Series("γ_k", x, [step.gamma_k for step in search]),),
-                marks=(Mark("y", job.gamma, f"γ = {job.gamma:g}"),),
+                marks=(Mark("y", job.gamma, f"γ = {quantity(job.gamma, job.unit)}"),),
             )
         )
         if any(step.kl is not None for step in search):
@@ -147,6 +147,11 @@ def of_the_search(job: Job, search: Sequence[SearchStep], estimate: Sequence[Est
             )
         )
     return charts
+
+
+def axis(name: str, unit: str) -> str:
+    """What an axis is called."""
+    return f"{name}, {unit}" if unit else name
 
 
 def _is_wide(values: Sequence[float]) -> bool:

@@ -14,6 +14,7 @@ from service.dashboard.link import FOR_GOOD_S
 from service.dashboard.pages.failures import ENDS
 from service.dashboard.site import Part, Site
 from service.failures.playback import Playback
+from service.wording import quantity
 
 CAMERA_PICTURES = 24
 FAR = 6.0  # times the threshold (or 0.5), above which the safety measure is not drawn
@@ -109,9 +110,9 @@ def over_time(playback: Playback) -> list[Chart]:
             x_label="time, s",
             y_label=f"{name}{unit}",
             series=(Series(name, time, near),),
-            marks=(Mark("y", playback.gamma, f"γ = {playback.gamma:g}"),),
+            marks=(Mark("y", playback.gamma, f"γ = {quantity(playback.gamma, playback.unit)}"),),
             y_include=(0.0,),
-            note=f"Values above {limit:g} are not drawn.",
+            note=f"Values above {quantity(limit, playback.unit)} are not drawn.",
         ),
         Chart(
             id="chart-action",

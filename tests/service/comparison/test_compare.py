@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 import ce
-from service.comparison.compare import comparison_of
+from ce.interval import clopper_pearson
+from service.comparison.compare import change_of, comparison_of
+from service.comparison.differences import bounds_of
 from service.comparison.objects import Comparison, Pair
+from service.comparison.words import said_of
 from service.errors import InputError
 from service.job import Problem, make_job
 from service.pool import Work, run_chunk
@@ -67,9 +70,34 @@ def test_modes_of_both_add_up_and_say_which_came_and_went(compared, pair):
     assert sum(m.b.events for m in pair.modes) == b.events
     assert sum(m.a.p for m in pair.modes) == pytest.approx(a.p)
     for mode in pair.modes:
-        assert (mode.change == "appeared") == (mode.a.events == 0)
-        assert (mode.change == "vanished") == (mode.b.events == 0)
+        low, high = mode.difference.difference_ci
+        assert (mode.change == "unclear") == (low <= 0.0 <= high)
+        assert (mode.change == "appeared") == (low > 0.0 and mode.a.events == 0)
+        assert (mode.change == "vanished") == (high < 0.0 and mode.b.events == 0)
         assert mode.difference.difference == pytest.approx(mode.b.p - mode.a.p)
+
+
+@pytest.mark.parametrize(
+    ("events", "change"), [((0, 1), "unclear"), ((0, 40), "appeared"), ((2, 40), "more"), ((3, 4), "unclear")]
+)
+def test_a_mode_came_or_went_only_where_the_interval_says_so(events, change):
+    """Of 1,000 rollouts of each: one event against none is what chance does."""
+    shares = [(k / 1000, *clopper_pearson(k, 1000, 0.975)) for k in events]
+    found = bounds_of(*shares)
+    back = bounds_of(*reversed(shares))
+    assert change_of(found, *events) == change
+    assert change_of(back, *reversed(events)) == {"appeared": "vanished", "more": "less"}.get(change, change)
+
+
+def test_the_words_name_what_is_clear_and_count_what_is_not(compared, pair):
+    mode = pair.modes[0]
+    modes = [msgspec.structs.replace(mode, name=name, change=change) for name, change in
+             (("cut in", "appeared"), ("boxed in", "unclear"), ("rear end", "unclear"))]  # fmt: skip
+    said = said_of(compared.sides, pair.difference, modes, "f <= 1.5 s", 0.95)
+    assert "p(f <= 1.5 s) is" in said
+    assert "Ways to fail met in lidar only: cut in." in said
+    assert "In the 2 other ways to fail they are not distinguishable." in said
+    assert "boxed in" not in said
 
 
 def test_the_other_way_round_it_is_mirrored(records, pair):

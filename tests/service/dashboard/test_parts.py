@@ -28,6 +28,7 @@ from service.dashboard.pages import compare, failures, fleet, job, jobs, learned
 from service.dashboard.site import Part, Site
 from service.failures.playback import Playback, RoadLine, Track
 from service.learned.objects import Behaviour, Learned, Parameter, Rate, Spread
+from service.told import Rollouts, Warning
 
 EVIL = '<img src=x onerror="alert(1)">'
 CI = (1e-4, 3e-3)
@@ -61,14 +62,14 @@ ESTIMATE = O.Estimate(
     confidence=0.95,
     gamma=0.5,
     method="ce",
-    rollouts=O.Rollouts(40, 10, 30, 2),
+    rollouts=Rollouts(40, 10, 30, 2),
     events=3,
     ess=2.5,
     max_weight_share=0.4,
     efficiency_vs_naive=3.0,
     variance_reliable=True,
     converged=False,
-    warnings=(O.Warning(name="few-events", message=EVIL, remedy=EVIL),),
+    warnings=(Warning(name="few-events", message=EVIL, remedy=EVIL),),
     scenario="i80-10s",
     ego=EVIL,
     seed=1,
