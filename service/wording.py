@@ -4,6 +4,7 @@ import math
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 NOT_KNOWN = "not known"
+LEAST_PERCENT = 0.01
 
 
 def significant(value: float | None, digits: int = 3) -> str:
@@ -31,8 +32,12 @@ def count(value: float | None) -> str:
 
 
 def percent(share: float | None, digits: int = 2) -> str:
-    """A share as a percentage."""
-    return NOT_KNOWN if share is None or math.isnan(share) else f"{significant(100.0 * share, digits)}%"
+    """A share as a percentage; one that nobody would tell from none is below LEAST_PERCENT."""
+    if share is None or math.isnan(share):
+        return NOT_KNOWN
+    if 0.0 < 100.0 * share < LEAST_PERCENT:
+        return f"below {LEAST_PERCENT:g}%"
+    return f"{significant(100.0 * share, digits)}%"
 
 
 def factor(value: float | None) -> str:

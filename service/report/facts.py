@@ -39,8 +39,9 @@ def facts_of(
     seen: LookBack,
     now: datetime,
     baseline: Baseline = POLICE_REPORTED,
+    served: bool = False,
 ) -> dict[str, Any]:
-    """The report's facts. Numbers that are not finite are None."""
+    """The report's facts. Numbers that are not finite are None. served: the run is a job of a service."""
     known = [r for r in records if r.estimate.estimation_rollouts]
     compared = comparisons([r.job for r in known], {r.job.id: r.estimate for r in known})
     against_naive = {c["method"]: c for c in compared}
@@ -54,6 +55,7 @@ def facts_of(
         "format": FORMAT,
         "made": now.isoformat(timespec="seconds"),
         "run": run,
+        "served": served,
         "question": words.question(first),
         "headline": headline,
         "disagreement": _disagreement(jobs),

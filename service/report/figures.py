@@ -13,7 +13,7 @@ from service.report.ink import Picture
 from service.report.words import METHOD_NAMES, PARAMETER_NAMES
 from service.scenario.base import PER_VEHICLE
 from service.scenario.measures import measure_kind
-from service.wording import count, percent, significant
+from service.wording import count, percent, quantity, significant
 
 Facts = dict[str, Any]
 DECADES = 8  # a logarithmic axis of probabilities is not longer, whatever a stray estimate says
@@ -127,7 +127,7 @@ def estimate_against_rollouts(jobs: Sequence[Facts]) -> Picture:
 
 
 def p_against_gamma(facts: Facts, jobs: Sequence[Facts]) -> Picture:
-    gamma = facts["scenario"]["gamma"]
+    gamma, unit = facts["scenario"]["gamma"], facts["scenario"]["unit"]
     with ink.figure(3.3) as drawn:
         axes = drawn.add_subplot()
         positive = [v for job in jobs for v in job["curve"]["p"] if v]
@@ -148,7 +148,12 @@ def p_against_gamma(facts: Facts, jobs: Sequence[Facts]) -> Picture:
         axes.axvline(gamma, color=ink.BASE, linewidth=1.0)
         axes.set_xlim(*jobs[0]["curve"]["gamma"][:: len(jobs[0]["curve"]["gamma"]) - 1])
         axes.text(
-            gamma, 1.0, f" γ = {gamma:g}", color=ink.BASE, va="bottom", transform=axes.get_xaxis_transform()
+            gamma,
+            1.0,
+            f" γ = {quantity(gamma, unit)}",
+            color=ink.BASE,
+            va="bottom",
+            transform=axes.get_xaxis_transform(),
         )
         axes.set_ylim(bottom, 1.2)
         ink.log_axis(axes, "y")
@@ -164,14 +169,15 @@ def p_against_gamma(facts: Facts, jobs: Sequence[Facts]) -> Picture:
             + " and ".join(_name(job["method"]) for job in jobs)
             + ".",
             "Each curve is from the same rollouts as the estimate; bands are intervals at each threshold by itself. A "
-            f"search aims at γ = {gamma:g}, so its curve is widest, and least to be relied on, far from there. "
-            "Values below the axis are not shown.",
+            f"search aims at γ = {quantity(gamma, unit)}, so its curve is widest, and least to be relied on, far from "
+            "there. Values below the axis are not shown.",
         )
 
 
 def values_of_f(records: Sequence[JobRecord]) -> Picture:
     measure = measure_words(records[0].job.scenario.safety.measure)
     gamma = records[0].job.gamma
+    unit = measure_kind(records[0].job.scenario.safety.measure).unit
     said = []
     with ink.figure(3.3) as drawn:
         axes = drawn.add_subplot()
@@ -193,7 +199,12 @@ def values_of_f(records: Sequence[JobRecord]) -> Picture:
             said.append(f"{_name(method)} met the event in {percent(events)} of its rollouts")
         axes.axvline(gamma, color=ink.BASE, linewidth=1.0)
         axes.text(
-            gamma, 1.0, f" γ = {gamma:g}", color=ink.BASE, va="bottom", transform=axes.get_xaxis_transform()
+            gamma,
+            1.0,
+            f" γ = {quantity(gamma, unit)}",
+            color=ink.BASE,
+            va="bottom",
+            transform=axes.get_xaxis_transform(),
         )
         axes.set_xlim(lowest if lowest > 0 else None, max(highest, lowest * 1.5))
         axes.set_ylim(fewest, 1.2)
@@ -266,7 +277,9 @@ def thresholds(job: Facts) -> Picture:
         axes.plot(
             k, quantile, ":", color=colour, marker="v", markersize=4, label="ρ-quantile of f", linewidth=1.2
         )
-        axes.axhline(gamma, color=ink.BASE, linewidth=1.0, label=f"γ = {gamma:g}, the event")
+        axes.axhline(
+            gamma, color=ink.BASE, linewidth=1.0, label=f"γ = {quantity(gamma, job['unit'])}, the event"
+        )
         axes.margins(y=0.1)
         axes.set_ylim(bottom=0.0 if min(gamma, np.min(quantile)) >= 0 else None)
         _iterations(axes, k)

@@ -230,6 +230,7 @@ class Report(_Fact, frozen=True, kw_only=True):
     format: int = FORMAT
     made: str  # when, UTC
     run: str
+    served: bool = False  # a job of a service, else a run directory
     question: str
     headline: Headline
     disagreement: str | None  # what to say where two methods' intervals have nothing in common

@@ -38,10 +38,11 @@ def report_of(
     """The report of the jobs of a run, from their records alone: finished, interrupted, or still going on.
 
     run: what it is called; drawn: dangerous rollouts to show, run again in `workers` processes (0: no SUMO, no failure
-    modes, no risk); folder: where what was run again is remembered; baseline: what the risk is held against.
+    modes, no risk); folder: the run directory, where what was run again is
+    remembered, None for a job of a service; baseline: what the risk is held against.
     """
     seen = look_back(run, telling(records), drawn, workers, folder) if drawn else LookBack()
-    facts = facts_of(run, records, seen, now or datetime.now(UTC), baseline)
+    facts = facts_of(run, records, seen, now or datetime.now(UTC), baseline, served=folder is None)
     return Made(facts, page_of(facts, records, seen))
 
 
