@@ -134,8 +134,17 @@ def memory() -> dict:
             "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10}  # fmt: skip
 
 
+def _tree_s(root: int | None = None) -> float:
+    """Processor time of a process's descendants, and of the process itself where one is named."""
+    process = psutil.Process(root)
+    family = process.children(recursive=True) + ([process] if root is not None else [])
+    return sum(times.user + times.system for times in (one.cpu_times() for one in family))
+
+
 def efficiency(rollouts: int = 4000) -> dict:
-    """Rollouts a second through the fleet over those of a bare local pool, and the share of time workers are busy."""
+    """The fleet beside a bare local pool of as many processes: rollouts a second, and processor time of a rollout, all
+    processes of either counted, which other programs on the machine hardly change; and the share of time that workers
+    are busy, which they hardly change either."""
     cores = len(os.sched_getaffinity(0))
     job = make_job(load_scenario("i80-10s"), "lidar", 0.5, "naive", 1, {"budget": rollouts})
     x, noise = ce.draw(Problem(job).base, 1, "estimate", 0, 0, rollouts)
@@ -143,19 +152,20 @@ def efficiency(rollouts: int = 4000) -> dict:
     with LocalPool(job, cores) as pool:
         for _ in pool.run(works[: 2 * cores]):  # every process is warm
             pass
-        began = time.perf_counter()
+        began, used = time.perf_counter(), _tree_s()
         for _ in pool.run(works):
             pass
-        pool_s = time.perf_counter() - began
+        pool_s, pool_used_s = time.perf_counter() - began, _tree_s() - used
     with tempfile.TemporaryDirectory() as folder, JobStore(f"sqlite:///{folder}/fleet.sqlite") as store:
         P.submit(store, job)
         port = free_port()
         started = [P.serve(Path(folder), port, "--audit-share", "0"), P.worker(port, cores)]
         P.wait(lambda: P.rollouts(store) >= 100 * cores, started)  # every process is warm
+        pids = [process.process.pid for process in started]
         first, began = P.rollouts(store), time.perf_counter()
-        worker_0 = store.cost(P.JOB)[0]
+        worker_0, used = store.cost(P.JOB)[0], sum(_tree_s(pid) for pid in pids)
         P.wait_done(store, started, 3000.0)
-        fleet_s = time.perf_counter() - began
+        fleet_s, fleet_used_s = time.perf_counter() - began, sum(_tree_s(pid) for pid in pids) - used
         worker_s = store.cost(P.JOB)[0] - worker_0
         for process in started:
             process.kill()
@@ -164,6 +174,8 @@ def efficiency(rollouts: int = 4000) -> dict:
         "pool_rollouts_per_s": rollouts / pool_s,
         "fleet_rollouts_per_s": (rollouts - first) / fleet_s,
         "fleet_over_pool": (rollouts - first) / fleet_s * pool_s / rollouts,
+        "pool_processor_ms_per_rollout": 1e3 * pool_used_s / rollouts,
+        "fleet_processor_ms_per_rollout": 1e3 * fleet_used_s / (rollouts - first),
         "busy_share": worker_s / fleet_s / cores,
     }
 

@@ -149,6 +149,7 @@ def test_any_order_of_answers_losses_and_crashes_gives_the_same_bits(machine):
 
 
 @pytest.mark.long
+@pytest.mark.timeout(7200)
 @pytest.mark.parametrize("machine", [AnyOrder, WithWrongWorkers])
 def test_any_order_at_length(machine):
     run_state_machine_as_test(machine, settings=_settings(3000, 150))
