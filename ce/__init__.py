@@ -39,7 +39,7 @@ from ce.state import (
     TrainingRecord,
     to_bytes,
 )
-from ce.streams import draw
+from ce.streams import Stream, draw
 from ce.white import White
 
 __all__ = [
@@ -83,6 +83,7 @@ __all__ = [
     "SplittingOptions",
     "SplittingState",
     "StateError",
+    "Stream",
     "ThresholdError",
     "Trace",
     "TrainingRecord",

@@ -7,6 +7,8 @@ Draws use numpy's `Generator.beta` and `standard_normal`, whose algorithms numpy
 releases; tests pin the first values, so that such a change is noticed.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,7 @@ from ce.errors import OptionsError
 from ce.product import Product
 
 CHUNK = 1000  # rows
+MOST_KEPT = 2_000_000  # numbers of a chunk that a Stream keeps
 PHASES = {"train": 0, "estimate": 1}
 _X_KIND, _NOISE_KIND = 0x7461696C, 0x726F6164  # any two fixed words: second half of the key
 
@@ -31,6 +34,59 @@ def generator(seed: int, kind: int, phase: str, iteration: int, chunk: int) -> n
     return np.random.Generator(np.random.Philox(counter=counter, key=key))
 
 
+class Stream:
+    """The rows of a batch for one who asks for a few at a time: it keeps the last chunk's numbers before they are
+    correlated, which cost as much as correlating some 200 rows. The rows are those of `draw`, to the bit."""
+
+    def __init__(self, proposal: Product, seed: int, phase: str, iteration: int) -> None:
+        if phase not in PHASES:
+            raise OptionsError(f"phase must be one of {', '.join(PHASES)}, not {phase!r}")
+        self._proposal = proposal
+        self._key = (checked_seed(seed), phase, iteration)
+        self._last: tuple[int, _Chunk] | None = None
+
+    def draw(self, start: int, stop: int) -> tuple[NDArray[np.float64], NDArray[np.uint64]]:
+        """Rows [start, stop): x (n, d), and a noise seed (n,) for each."""
+        if not 0 <= start <= stop:
+            raise OptionsError(f"rows must satisfy 0 <= start <= stop, not [{start}, {stop})")
+        proposal = self._proposal
+        x = np.empty((stop - start, proposal.dim))
+        for chunk in range(start // CHUNK, -(-stop // CHUNK)):
+            first = chunk * CHUNK
+            rows = slice(max(start - first, 0), min(stop - first, CHUNK))
+            into = slice(first + rows.start - start, first + rows.stop - start)
+            drawn = self._chunk(chunk)
+            if proposal.beta_columns.size:
+                x[into, proposal.beta_columns] = drawn.betas[rows]
+            for (at, block), z in zip(proposal.normals, drawn.normals, strict=True):
+                x[into, at : at + block.dim] = block.mean + block.correlator(z[rows])
+            for (at, marginal), z in zip(proposal.marginals, drawn.marginals, strict=True):
+                x[into, at] = marginal.from_standard(marginal.shift + z[rows])
+        return x, noise_seeds(*self._key, start, stop)
+
+    def _chunk(self, chunk: int) -> "_Chunk":
+        if self._last is not None and self._last[0] == chunk:
+            return self._last[1]
+        proposal, (seed, phase, iteration) = self._proposal, self._key
+        source = generator(seed, _X_KIND, phase, iteration, chunk)
+        drawn = _Chunk(
+            proposal.betas.sample(source, CHUNK) if proposal.beta_columns.size else np.empty((CHUNK, 0)),
+            [source.standard_normal((CHUNK, block.dim)) for _, block in proposal.normals],
+            [source.standard_normal(CHUNK) for _ in proposal.marginals],
+        )
+        self._last = (chunk, drawn) if CHUNK * proposal.dim <= MOST_KEPT else None
+        return drawn
+
+
+@dataclass(frozen=True)
+class _Chunk:
+    """CHUNK rows of each Beta, of each Normal's standard normals and of each other marginal's."""
+
+    betas: NDArray[np.float64]
+    normals: list[NDArray[np.float64]]
+    marginals: list[NDArray[np.float64]]
+
+
 def draw(
     proposal: Product, seed: int, phase: str, iteration: int, start: int, stop: int
 ) -> tuple[NDArray[np.float64], NDArray[np.uint64]]:
@@ -39,25 +95,7 @@ def draw(
     phase: "train" or "estimate". Within a chunk all Betas are drawn first, then each Normal's standard normals, then
     those of each other marginal; the whole chunk's numbers are drawn, but only the rows asked for are correlated.
     """
-    if phase not in PHASES:
-        raise OptionsError(f"phase must be one of {', '.join(PHASES)}, not {phase!r}")
-    if not 0 <= start <= stop:
-        raise OptionsError(f"rows must satisfy 0 <= start <= stop, not [{start}, {stop})")
-    seed = checked_seed(seed)
-    x = np.empty((stop - start, proposal.dim))
-    for chunk in range(start // CHUNK, -(-stop // CHUNK)):
-        first = chunk * CHUNK
-        rows = slice(max(start - first, 0), min(stop - first, CHUNK))
-        into = slice(first + rows.start - start, first + rows.stop - start)
-        source = generator(seed, _X_KIND, phase, iteration, chunk)
-        if proposal.beta_columns.size:
-            x[into, proposal.beta_columns] = proposal.betas.sample(source, CHUNK)[rows]
-        for at, block in proposal.normals:
-            z = source.standard_normal((CHUNK, block.dim))[rows]
-            x[into, at : at + block.dim] = block.mean + block.correlator(z)
-        for at, marginal in proposal.marginals:
-            x[into, at] = marginal.from_standard(marginal.shift + source.standard_normal(CHUNK)[rows])
-    return x, noise_seeds(seed, phase, iteration, start, stop)
+    return Stream(proposal, seed, phase, iteration).draw(start, stop)
 
 
 def noise_seeds(seed: int, phase: str, iteration: int, start: int, stop: int) -> NDArray[np.uint64]:

@@ -17,6 +17,7 @@ from service.errors import TailroadError
 from service.fleet.answers import answer_of
 from service.fleet.messages import (
     Answer,
+    ChunkKey,
     Drawn,
     Failed,
     JobSpec,
@@ -105,6 +106,7 @@ class _Bench:
         self._worker = worker
         self._problem: Problem | None = None
         self._simulator: Simulator | None = None
+        self._last: tuple[tuple, ce.Stream] | None = None  # of the batch that was run last
 
     def open(self, spec: JobSpec) -> str:
         if self._simulator is not None:
@@ -120,6 +122,7 @@ class _Bench:
                 )
             self._simulator = problem.simulator()
             self._problem = problem
+            self._last = None
         except (TailroadError, WeightsError, CeError, ValueError, OSError) as error:
             return f"job {spec.job} cannot be opened here: {error}"
         return ""
@@ -130,9 +133,7 @@ class _Bench:
         assert self._simulator is not None
         base, n = self._problem.base, key.stop - key.start
         if isinstance(lease.rows, Drawn):
-            parameters = array_of(lease.rows.parameters, "<f8", len(lease.rows.parameters) // 8)
-            proposal = base.with_parameters(parameters)
-            x, noise = ce.draw(proposal, lease.rows.seed, key.phase, key.iteration, key.start, key.stop)
+            x, noise = self._stream(key, lease.rows).draw(key.start, key.stop)
         else:
             x = array_of(lease.rows.x, "<f8", n * base.dim).reshape(n, base.dim).astype(np.float64)
             noise = array_of(lease.rows.noise, "<u8", n).astype(np.uint64)
@@ -141,3 +142,13 @@ class _Bench:
             return Failed(self._worker, lease.lease, key, reason, explicit=True)
         chunk = run_chunk(self._simulator, Work(key.start, x, noise))
         return answer_of(self._worker, lease.lease, key, chunk)
+
+    def _stream(self, key: ChunkKey, rows: Drawn) -> ce.Stream:
+        """Of the batch that the chunk is of; chunks mostly follow one another."""
+        assert self._problem is not None
+        batch = (rows.parameters, rows.seed, key.phase, key.iteration)
+        if self._last is None or self._last[0] != batch:
+            parameters = array_of(rows.parameters, "<f8", len(rows.parameters) // 8)
+            proposal = self._problem.base.with_parameters(parameters)
+            self._last = batch, ce.Stream(proposal, rows.seed, key.phase, key.iteration)
+        return self._last[1]
