@@ -18,6 +18,9 @@ from service.reproduce.results import Reading, Result
 from service.wording import count, significant
 
 FAR = 2.0  # standard errors
+LEAST_EFFECTIVE = (
+    10.0  # events of equal weight that an estimate must be worth for its own variance to be compared
+)
 
 
 class Table(NamedTuple):
@@ -48,7 +51,8 @@ def series_of(outcome: Outcome) -> dict[str, list[Result]]:
 
 def pooled(outcome: Outcome, results: Sequence[Result], which: int) -> dict[str, Ratio]:
     """The ratios of a series at threshold number `which`: geometric means over repeats of what each run says of itself,
-    and the efficiency from their spread about the ground truth."""
+    and the efficiency from their spread about the ground truth. Where an estimate is worth fewer than LEAST_EFFECTIVE
+    events its own variance says nothing, and what is made of it is not known."""
     gamma = outcome.plan.gammas[which]
     truth = outcome.truth.at([gamma])
     p, k = float(truth["p"][0]), int(truth["events"][0])
@@ -65,14 +69,15 @@ def pooled(outcome: Outcome, results: Sequence[Result], which: int) -> dict[str,
         ratio_of_variances(p, p_error, x.std_error, x.variance_error, r.rollouts)
         for r, x in zip(results, readings, strict=True)
     ]
+    known = all(x.ess is not None and x.ess >= LEAST_EFFECTIVE for x in readings)
     estimates = np.array([np.nan if x.p is None else x.p for x in readings])
     spread = UNKNOWN
     if np.isfinite(estimates).all() and k:
         spread = efficiency_of_repeats(p, p_error, estimates, float(np.mean([r.rollouts for r in results])))
     return {
         "events": events,
-        "variances": _mean(apart),
-        "efficiency": _mean(counted),
+        "variances": _mean(apart) if known else UNKNOWN,
+        "efficiency": _mean(counted) if known else UNKNOWN,
         "repeats": spread,
     }
 
@@ -151,7 +156,10 @@ def warnings_table(outcome: Outcome) -> Table:
     )  # fmt: skip
 
 
-STARRED = "* a run's own warnings say that its variance cannot be relied on. "
+STARRED = (
+    "* a run's own warnings say that its variance cannot be relied on. –: not known; an estimate is worth fewer than "
+    f"{LEAST_EFFECTIVE:g} events of equal weight there, or there are none. "
+)
 VARIANCES_NOTE = (
     STARRED
     + "Variance of naive Monte Carlo with as many rollouts as the estimate has, over the estimate's own: the "
