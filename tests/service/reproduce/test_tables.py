@@ -41,7 +41,8 @@ def outcome(ess: float) -> Outcome:
         gamma=0.5, p=P, std_error=1e-100, low=0.0, high=1.0, events=40, ess=ess, variance_error=0.1
     )
     result = Result(run=RUN, method="ce", rollouts=1000, training=500, readings=(reading,), warnings=("few-events",),
-                    reliable=False, max_weight_share=0.9, worker_s=1.0, sim_s=1.0, wall_s=1.0, tailroad="0")  # fmt: skip
+                    reliable=False, max_weight_share=0.9, worker_s=1.0, sim_s=1.0, wall_s=1.0,
+                    tailroad="0")  # fmt: skip
     plan = Plan(name="table1", scale="smoke", title="", truth=Truth(scenario="i80-10s", ego="idm", rollouts=N),
                 gammas=(0.5,), runs=(RUN,))  # fmt: skip
     return Outcome(plan, Known(), (result,), False)
