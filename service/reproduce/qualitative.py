@@ -77,7 +77,7 @@ def qualitative_page(
         films = _films(record, found, pages / name, len(seen), size.films, watch.on_part)
         seen.append(Seen(run, learned, msgspec.Raw(msgspec.json.encode(found.failures)), films))
         tables += [_starts(run, learned), _behaviours(run, learned), _modes(run, found, films, name)]
-        told = " ".join(learned.summary) or "No shift stands out of chance."
+        told = " ".join(_sentence(part) for part in learned.summary) or "No shift stands out of chance."
         words.append(f"**{run.series}.** {told} {' '.join(learned.notes)}")
     introduction = [
         made_by(command),
@@ -87,6 +87,10 @@ def qualitative_page(
         made_with(),
     ]
     return Page(name, f"Qualitative analysis ({scale})", introduction, tables, [], seen)
+
+
+def _sentence(part: str) -> str:
+    return part[0].upper() + part[1:].removesuffix(".") + "."
 
 
 def _starts(run: Run, learned: Learned) -> Table:
