@@ -21,6 +21,7 @@ from service.api.objects import About
 from service.api.problems import ApiError, problem_of, short
 from service.api.records import Records
 from service.api.requests import Nothing
+from service.api.reruns import Reruns
 from service.api.results import ResultAnswers
 from service.api.state import StateAnswers
 from service.fleet.service import Fleet
@@ -60,8 +61,9 @@ class Application:
         self._state = StateAnswers(fleet, catalogue)
         jobs, results = JobAnswers(fleet, catalogue, limits), ResultAnswers(fleet, self._replays)
         records = Records(fleet)
-        dangerous = DangerousAnswers(records, self._background, limits)
-        findings = FindingAnswers(records, self._background, limits)
+        self._reruns = Reruns(limits.rerun_procs, limits.rerun_jobs, limits.rerun_idle_s)
+        dangerous = DangerousAnswers(records, self._background, limits, self._reruns)
+        findings = FindingAnswers(records, self._background, limits, self._reruns)
         self._parts = (self, self._state, jobs, results, dangerous, findings)
         self._requests = Bucket(limits.requests_per_s, limits.burst)
         self._submissions = Bucket(limits.submissions_per_s, limits.burst)
@@ -100,6 +102,7 @@ class Application:
 
     def close(self) -> None:
         self._background.close()
+        self._reruns.close()
         self._replays.close()
         self._state.close()
 

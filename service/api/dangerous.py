@@ -14,13 +14,14 @@ from service.api.objects import CameraPicture, RolloutView
 from service.api.problems import ApiError, Wrong
 from service.api.records import Records, State
 from service.api.requests import AskExport, AskFailures, AskRollout
+from service.api.reruns import Reruns
 from service.api.results import finite
 from service.exports import FORMATS, export_bytes
 from service.failures.events import CHAINS
 from service.failures.find import find_failures
 from service.failures.objects import Failures
 from service.failures.play import playback_of
-from service.failures.rerun import Again, Rerunner
+from service.failures.rerun import Again
 from service.failures.scenario_file import scenario_text
 from service.record import JobRecord
 from service.video import EgoView, jpeg_pictures
@@ -29,8 +30,9 @@ from service.video import EgoView, jpeg_pictures
 class DangerousAnswers:
     """What is answered on jobs/ID/failures, jobs/ID/rollouts/ROW and its export."""
 
-    def __init__(self, records: Records, background: Background, limits: Limits):
+    def __init__(self, records: Records, background: Background, limits: Limits, reruns: Reruns):
         self._records, self._background, self._limits = records, background, limits
+        self._reruns = reruns
 
     def failures(self, asked: AskFailures, job: str) -> Failures:
         state = self._records.state(job)
@@ -38,7 +40,7 @@ class DangerousAnswers:
 
         def compute() -> Failures:
             record = self._records.record(state)
-            with Rerunner(record.job, self._limits.rerun_procs) as rerunner:
+            with self._reruns.of(record.job) as rerunner:
                 found = find_failures(job, record, rerunner, asked.by, asked.limit, most)
             return msgspec.structs.replace(found.failures, job=job)
 
@@ -96,7 +98,7 @@ class DangerousAnswers:
         phase, iteration, f = self._recorded(state, record, asked, row)
         x, noise = record.redraw(phase, iteration, row)
         looked_at = asked.trace or asked.playback or asked.camera
-        with Rerunner(record.job) as runner:
+        with self._reruns.of(record.job) as runner:
             (again,) = runner.run([(x, noise)], [0] if looked_at else ())
         same = np.float64(again.f).tobytes() == np.float64(f).tobytes() or (np.isnan(again.f) and np.isnan(f))
         title = _title(job, phase, iteration, row)

@@ -10,10 +10,10 @@ from service.api.limits import Limits
 from service.api.problems import ApiError, Wrong, short
 from service.api.records import Records
 from service.api.requests import AskComparison, AskLearned, AskReport, AskRisk
+from service.api.reruns import Reruns
 from service.comparison.compare import comparison_of
 from service.comparison.objects import Comparison
 from service.exposure import exposure_of
-from service.failures.rerun import Rerunner
 from service.learned.learn import learned_of
 from service.learned.objects import Learned
 from service.report import Made, report_of
@@ -24,15 +24,16 @@ from service.risk import Risk, baseline_of, risk_of
 class FindingAnswers:
     """What is answered on jobs/ID/learned, risk, report, report.json, and on comparison."""
 
-    def __init__(self, records: Records, background: Background, limits: Limits):
+    def __init__(self, records: Records, background: Background, limits: Limits, reruns: Reruns):
         self._records, self._background, self._limits = records, background, limits
+        self._reruns = reruns
 
     def learned(self, asked: AskLearned, job: str) -> Learned:
         state, rollouts = self._records.state(job), min(asked.rollouts, self._limits.examine)
 
         def compute() -> Learned:
             record = self._records.record(state)
-            with Rerunner(record.job, self._limits.rerun_procs) as rerunner:
+            with self._reruns.of(record.job) as rerunner:
                 return learned_of(job, record, rerunner, rollouts)
 
         return self._background.get(("learned", state, rollouts), compute)
@@ -46,7 +47,7 @@ class FindingAnswers:
             estimate = record.estimate
             if asked.confidence is not None:
                 estimate = replace(estimate, confidence=asked.confidence)
-            with Rerunner(record.job, self._limits.rerun_procs) as rerunner:
+            with self._reruns.of(record.job) as rerunner:
                 exposure = exposure_of(record.job, record.problem.base, rerunner, estimate.confidence)
             if exposure is None:
                 raise ApiError(
@@ -67,7 +68,7 @@ class FindingAnswers:
 
         def compute() -> Comparison:
             found = [self._records.record(state, asked.gamma) for state in states]
-            return comparison_of(found, jobs, most, self._limits.rerun_procs)
+            return comparison_of(found, jobs, most, opened=self._reruns.of)
 
         return self._background.get(("comparison", states, asked.gamma, most), compute)
 
@@ -83,6 +84,6 @@ class FindingAnswers:
 
         def compute() -> Made:
             record = self._records.record(state)
-            return report_of(job, [record], asked.drawn, self._limits.rerun_procs, baseline=baseline)
+            return report_of(job, [record], asked.drawn, baseline=baseline, opened=self._reruns.of)
 
         return self._background.get(("report", state, asked), compute)

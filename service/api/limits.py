@@ -12,8 +12,9 @@ class Limits:
     once; open_jobs: not over; open_bytes: memory that open jobs may hold together, beyond which jobs wait; budget:
     rollouts of a job; batch_rows: of a batch, as all of it is held in memory; pending: requests that wait for an
     answer; threads: that answer; examine: dangerous rollouts that are run again for one answer; rerun_procs: processes
-    that do; wait_s: for an answer that is being computed; camera_pictures: of one rollout, camera_width_px wide;
-    compared: jobs in one comparison; answer_bytes: of a file."""
+    that do; rerun_jobs: jobs whose processes wait for the next such question, for rerun_idle_s at most; wait_s: for an
+    answer that is being computed; camera_pictures: of one rollout, camera_width_px wide; compared: jobs in one
+    comparison; answer_bytes: of a file."""
 
     body_bytes: int = 1_000_000
     requests_per_s: float = 200.0
@@ -27,6 +28,8 @@ class Limits:
     threads: int = 4
     examine: int = 400
     rerun_procs: int = 1
+    rerun_jobs: int = 2
+    rerun_idle_s: float = 60.0
     wait_s: float = 4.0
     camera_pictures: int = 100
     camera_width_px: int = 480

@@ -33,7 +33,7 @@ from service.failures.examine import (
     modes_by_position,
 )
 from service.failures.find import notes_on
-from service.failures.rerun import Rerunner
+from service.failures.rerun import Open, Rerunner
 from service.failures.shares import mode_estimate
 from service.failures.tell import known_rows, mode_p, mode_share
 from service.record import JobRecord
@@ -49,16 +49,18 @@ def comparison_of(
     workers: int = 1,
     folders: Sequence[Path | None] | None = None,
     watch: Watch = look_away,
+    opened: Open | None = None,
 ) -> Comparison:
     """Each against each. InputError where they do not ask the same question; ce.OptionsError where confidences differ.
 
     runs: what each is called; most: dangerous rollouts of each at most that are run again and grouped (0: no modes);
-    folders: where each remembers them; watch: told of (done, total), of one after the other.
+    folders: where each remembers them; watch: told of (done, total), of one after the other; opened: rerunners of jobs,
+    else new ones with `workers` processes.
     """
     check_comparable(records, runs)
     examined = []
     for record, folder in zip(records, folders or [None] * len(records), strict=True):
-        with Rerunner(record.job, workers) as rerunner:
+        with (opened or (lambda job: Rerunner(job, workers)))(record.job) as rerunner:
             examined.append(examine(events_of(record), rerunner, (), most, (), folder, watch))
     egos = Counter(record.job.ego for record in records)
     sides = [

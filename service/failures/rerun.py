@@ -4,6 +4,7 @@ import multiprocessing
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from types import TracebackType
 
@@ -19,6 +20,7 @@ from service.trace import Trace, record
 
 AT_ONCE = 8  # rollouts that a worker is given at once
 Draw = tuple[np.ndarray, int]  # x (d,) and the noise seed
+Open = Callable[[Job], AbstractContextManager["Rerunner"]]  # a rerunner of a job, for as long as it is needed
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class Rerunner:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._stop()
+        self.close()
 
     def run(
         self,
@@ -82,7 +84,7 @@ class Rerunner:
             except BrokenProcessPool:
                 suspects += running[future]
         if suspects:
-            self._stop()
+            self.close()
         for i in sorted(suspects):  # each alone, so that one that ends its process takes no other with it
             found[i] = self._alone(drawn[i], i in traced)
             on_done(1)
@@ -92,7 +94,7 @@ class Rerunner:
         try:
             return self._started(1).submit(_run, [draw], [traced]).result()[0]
         except BrokenProcessPool:
-            self._stop()
+            self.close()
             return Again(np.nan, "error", "the process that ran it died")
 
     def _started(self, parts: int) -> ProcessPoolExecutor:
@@ -106,14 +108,15 @@ class Rerunner:
             try:
                 self._pool.submit(_ready).result()
             except BrokenProcessPool as error:
-                self._stop()
+                self.close()
                 raise WorkerError(
                     "a process to run rollouts again ended before the first; its own message is above, or run one with "
                     "`tailroad rollout` to see it"
                 ) from error
         return self._pool
 
-    def _stop(self) -> None:
+    def close(self) -> None:
+        """End the processes; they are started again when they are needed again."""
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None

@@ -8,7 +8,7 @@ from service.exposure import Exposure, exposure_of
 from service.failures.examine import examine
 from service.failures.find import Found, find_failures
 from service.failures.objects import Failure, Failures
-from service.failures.rerun import Rerunner
+from service.failures.rerun import Open
 from service.failures.tell import failure_told
 from service.learned.learn import learned_of
 from service.learned.objects import Learned
@@ -46,13 +46,18 @@ class LookBack:
 
 
 def look_back(
-    run: str, record: JobRecord, drawn: int, workers: int, folder: Path | None, confidence: float = 0.95
+    run: str,
+    record: JobRecord,
+    drawn: int,
+    opened: Open,
+    folder: Path | None,
+    confidence: float = 0.95,
 ) -> LookBack:
     """Run dangerous rollouts of a job again, and some of P0; `drawn`: how many to return the traces of.
 
-    folder: where what was run again is remembered.
+    opened: rerunners of jobs; folder: where what was run again is remembered.
     """
-    with Rerunner(record.job, workers) as rerunner:
+    with opened(record.job) as rerunner:
         exposure = exposure_of(record.job, record.problem.base, rerunner, confidence, folder)
         found = find_failures(run, record, rerunner, limit=drawn, most=EXAMINED, folder=folder)
         shown = worth_drawing(found, drawn)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from service.errors import StoreError
+from service.failures.rerun import Open, Rerunner
 from service.record import JobRecord, replay
 from service.report.dangerous import LookBack, look_back, telling
 from service.report.facts import facts_of
@@ -34,14 +35,16 @@ def report_of(
     folder: Path | None = None,
     now: datetime | None = None,
     baseline: Baseline = POLICE_REPORTED,
+    opened: Open | None = None,
 ) -> Made:
     """The report of the jobs of a run, from their records alone: finished, interrupted, or still going on.
 
     run: what it is called; drawn: dangerous rollouts to show, run again in `workers` processes (0: no SUMO, no failure
-    modes, no risk); folder: the run directory, where what was run again is
-    remembered, None for a job of a service; baseline: what the risk is held against.
+    modes, no risk); folder: the run directory, where what was run again is remembered, None for a job of a
+    service; baseline: what the risk is held against; opened: rerunners of jobs, in place of `workers`.
     """
-    seen = look_back(run, telling(records), drawn, workers, folder) if drawn else LookBack()
+    opened = opened or (lambda job: Rerunner(job, workers))
+    seen = look_back(run, telling(records), drawn, opened, folder) if drawn else LookBack()
     facts = facts_of(run, records, seen, now or datetime.now(UTC), baseline, served=folder is None)
     return Made(facts, page_of(facts, records, seen))
 
