@@ -82,6 +82,7 @@ def frames(scene: Scene, corridor: Corridor, size: tuple[int, int], rounds: int)
             polygons.append(int((camera._polygons[:, C.COUNT] > 0).sum()))
             if size == SIZES[0]:
                 yard.append(fastest(filled(camera, polygons[-1]), rounds))
+        click.echo(f"{name}: done", err=True)
         result[name] = {
             "ms": float(np.mean(plain)),
             "worst_place_ms": float(np.max(plain)),

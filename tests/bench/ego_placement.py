@@ -64,7 +64,8 @@ def _free_address() -> str:
 
 
 def _measure(pools: dict[str, LocalPool], x: np.ndarray, noise: np.ndarray, rounds: int) -> dict:
-    """Rollouts a second of each pool, the median of rounds taken in turns, and whether all gave the same f.
+    """Rollouts a second of each pool, the median and the range of rounds taken in turns; the median of each round's
+    ratio to INSIDE, as all of a round share what the machine was like; and whether all gave the same f.
 
     Pictures by way of JPEG may give another f.
     """
@@ -72,6 +73,7 @@ def _measure(pools: dict[str, LocalPool], x: np.ndarray, noise: np.ndarray, roun
     rates: dict[str, list[float]] = {name: [] for name in pools}
     found: dict[str, bytes] = {}
     for number in range(rounds + 1):  # the first round warms up
+        click.echo(f"round {number} of {rounds}", err=True)
         for name, pool in pools.items():
             began = time.perf_counter()
             chunks = sorted(pool.run(list(work)), key=lambda chunk: chunk.start)
@@ -83,6 +85,10 @@ def _measure(pools: dict[str, LocalPool], x: np.ndarray, noise: np.ndarray, roun
             found[name] = b"".join(chunk.f.tobytes() for chunk in chunks)
     return {
         "rollouts_per_s": {name: float(np.median(values)) for name, values in rates.items()},
+        "range": {name: (min(values), max(values)) for name, values in rates.items()},
+        "share_of_the_first": {
+            name: float(np.median(np.divide(values, rates[INSIDE]))) for name, values in rates.items()
+        },
         "same_bits": len({bits for name, bits in found.items() if "JPEG" not in name}) == 1,
     }
 
@@ -140,7 +146,9 @@ def compare(scenario: str, ego: str, rollouts: int, rounds: int, counts: list[in
 @click.option("--scenario", default="i80-10s", show_default=True)
 @click.option("--ego", default="lidar", show_default=True)
 @click.option("--rollouts", default=100, show_default=True)
-@click.option("--rounds", default=3, show_default=True)
+@click.option(
+    "--rounds", type=click.IntRange(1), default=3, show_default=True, help="Each way is taken so often."
+)
 @click.option("--workers", type=int, multiple=True, default=(1, 2), show_default=True)
 @click.option("--json", "as_json", is_flag=True)
 def main(
@@ -154,7 +162,11 @@ def main(
         rates = row["rollouts_per_s"]
         click.echo(f"{row['workers']} workers; same bits: {row['same_bits']}")
         for name, rate in rates.items():
-            click.echo(f"  {name:48} {rate:7.2f} rollouts/s, {rate / rates[INSIDE]:.2f} of the first")
+            low, high = row["range"][name]
+            share = row["share_of_the_first"][name]
+            click.echo(
+                f"  {name:48} {rate:7.2f} rollouts/s (median; {low:.2f} to {high:.2f}), {share:.2f} of the first"
+            )
 
 
 if __name__ == "__main__":

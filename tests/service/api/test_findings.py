@@ -27,6 +27,8 @@ from service.risk import Risk
 from service.scenario.load import parse_scenario
 from tests.service.api.conftest import ANSWER_S
 
+pytestmark = pytest.mark.timeout(900)  # exports start a process each: long on a busy machine
+
 JOB = {"ego": "idm", "method": "naive", "budget": 60}
 GAMMA = 0.5  # an eighth of the made-up values
 
