@@ -252,7 +252,8 @@ class World:
         last = next((r for r in replies if isinstance(r, Refused)), None)
         if last is not None and last.unknown:
             self.hello(one.worker)
-        if last is not None and (last.again or last.unknown) and not keep:
+        alive = any(name == one.worker for name, _ in self.slots)
+        if last is not None and (last.again or last.unknown) and alive and not keep:
             self.answers.append(one)  # the worker tries again
 
     # -- to the end ------------------------------------------------------------------------------------------
