@@ -148,9 +148,9 @@ def straight_lanes(
     x, y, heading, curvature = (station, zero, zero, zero) if curve is None else curve
     edges = (lanes / 2 - np.arange(lanes + 1))[:, None] * width_m + np.zeros(k)
     arrays = (station, x, y, heading, curvature, edges[:-1], edges[1:], edges[0], edges[-1])
-    closed = np.repeat(np.isin(np.arange(lanes), reserved)[:, None], k, axis=1)
     lines = [np.ascontiguousarray(a, dtype=np.float64) for a in arrays]
-    return SceneRoad(name, ds_m, *[*lines, closed])
+    lines.append(np.repeat(np.isin(np.arange(lanes), reserved)[:, None], k, axis=1))
+    return SceneRoad(name, ds_m, *lines)
 
 
 def read_i80(data: Path | str, lanes_json: Path | str | None = None, road_length_m: float = 600.0) -> Scene:

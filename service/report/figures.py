@@ -145,16 +145,8 @@ def p_against_gamma(facts: Facts, jobs: Sequence[Facts]) -> Picture:
                 lw=0,
             )
             axes.plot(x, np.where(p > 0, p, np.nan), label=_name(job["method"]), **style)
-        axes.axvline(gamma, color=ink.BASE, linewidth=1.0)
+        _mark_threshold(axes, gamma, unit)
         axes.set_xlim(*jobs[0]["curve"]["gamma"][:: len(jobs[0]["curve"]["gamma"]) - 1])
-        axes.text(
-            gamma,
-            1.0,
-            f" γ = {quantity(gamma, unit)}",
-            color=ink.BASE,
-            va="bottom",
-            transform=axes.get_xaxis_transform(),
-        )
         axes.set_ylim(bottom, 1.2)
         ink.log_axis(axes, "y")
         if gamma > 0:
@@ -172,6 +164,18 @@ def p_against_gamma(facts: Facts, jobs: Sequence[Facts]) -> Picture:
             f"search aims at γ = {quantity(gamma, unit)}, so its curve is widest, and least to be relied on, far from "
             "there. Values below the axis are not shown.",
         )
+
+
+def _mark_threshold(axes: Any, gamma: float, unit: str) -> None:
+    axes.axvline(gamma, color=ink.BASE, linewidth=1.0)
+    axes.text(
+        gamma,
+        1.0,
+        f" γ = {quantity(gamma, unit)}",
+        color=ink.BASE,
+        va="bottom",
+        transform=axes.get_xaxis_transform(),
+    )
 
 
 def values_of_f(records: Sequence[JobRecord]) -> Picture:
@@ -197,15 +201,7 @@ def values_of_f(records: Sequence[JobRecord]) -> Picture:
             fewest = min(fewest, 1.0 / n)
             events = np.count_nonzero(record.estimate.f <= gamma) / n
             said.append(f"{_name(method)} met the event in {percent(events)} of its rollouts")
-        axes.axvline(gamma, color=ink.BASE, linewidth=1.0)
-        axes.text(
-            gamma,
-            1.0,
-            f" γ = {quantity(gamma, unit)}",
-            color=ink.BASE,
-            va="bottom",
-            transform=axes.get_xaxis_transform(),
-        )
+        _mark_threshold(axes, gamma, unit)
         axes.set_xlim(lowest if lowest > 0 else None, max(highest, lowest * 1.5))
         axes.set_ylim(fewest, 1.2)
         if lowest > 0:
