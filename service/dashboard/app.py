@@ -121,7 +121,8 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
     async def events(request: Request) -> Response:
         if site.live.full:
             return PlainTextResponse("Too many pages are open.\n", 503)
-        stream = site.live.stream(request.query_params.get("job"), site.link.here)
+        since = request.headers.get("last-event-id") or request.query_params.get("since", "")
+        stream = site.live.stream(request.query_params.get("job"), site.link.here, since)
         return StreamingResponse(stream, media_type="text/event-stream")
 
     async def trouble(request: Request, error: Exception) -> Response:

@@ -30,6 +30,7 @@ class Link:
         self._client, self._changed = client, changed
         self._pool = ThreadPoolExecutor(THREADS, thread_name_prefix="dashboard-asks")
         self._known: OrderedDict[Hashable, tuple[float, asyncio.Future[Any]]] = OrderedDict()
+        self._passing: set[Hashable] = set()
         self._stopping = threading.Event()
         self._look_now = threading.Event()
         self._here: bool | None = None
@@ -61,6 +62,8 @@ class Link:
         if known is None or now >= until or (known.done() and known.exception() is not None):
             known = asyncio.get_running_loop().run_in_executor(self._pool, self._asked, ask)
             self._known[key] = now + keep_s, known
+            if keep_s <= MOMENT_S:
+                self._passing.add(key)
             known.add_done_callback(lambda future: future.exception())  # told to whoever awaits it
             self._drop()
         self._known.move_to_end(key)
@@ -79,6 +82,12 @@ class Link:
         finally:
             self._known.clear()
 
+    def forget_passing(self) -> None:
+        """Something has changed: what was to be remembered for a moment only is not, even while it is being asked."""
+        for key in self._passing:
+            self._known.pop(key, None)
+        self._passing.clear()
+
     def _asked(self, ask: Callable[[Client], T]) -> T:
         try:
             return ask(self._client)
@@ -88,7 +97,8 @@ class Link:
 
     def _drop(self) -> None:
         while len(self._known) > KEPT:
-            self._known.popitem(last=False)
+            key, _ = self._known.popitem(last=False)
+            self._passing.discard(key)
 
     def _watch(self) -> None:
         while not self._stopping.is_set():

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import secrets
 import threading
 import time
 from collections import defaultdict, deque
@@ -20,6 +21,7 @@ QUIET_S = 15.0  # after which a comment shows that the connection lives
 LOOK_S = 1.0
 RATE_S = 30.0  # over which rollouts a second are counted
 MOST_LISTENERS = 200
+REMEMBERED = 10_000  # events, for pages that were drawn before they happened and listen after
 
 
 class Rates:
@@ -51,20 +53,53 @@ class Rates:
 
 
 class Listener:
-    """What one browser has not been told yet."""
+    """What one browser has not been told yet. all: everything may have changed."""
 
     def __init__(self) -> None:
         self.jobs: defaultdict[str, set[str]] = defaultdict(set)
+        self.all = False
         self.link: bool | None = None
         self.woken = asyncio.Event()
 
 
-class Live:
-    """Hears all jobs and tells all listeners."""
+class Told:
+    """The latest events, numbered, so that a page hears what happened after it was drawn and before it listened.
 
-    def __init__(self, client: Client, rates: Rates):
-        self._client, self._rates = client, rates
+    A mark names a place among them: in this run, and after how many."""
+
+    def __init__(self) -> None:
+        self._run = secrets.token_hex(4)
+        self._count = 0
+        self._latest: deque[tuple[str, str]] = deque(maxlen=REMEMBERED)
+
+    def add(self, job: str, kind: str) -> None:
+        self._count += 1
+        self._latest.append((job, kind))
+
+    @property
+    def mark(self) -> str:
+        return f"{self._run}-{self._count}"
+
+    def since(self, mark: str) -> list[tuple[str, str]] | None:
+        """Job and kind of the events after a mark; None where they are not known: a mark of another run, one too long
+        ago, or no mark at all."""
+        run, _, count = mark.partition("-")
+        if run != self._run or not (count.isascii() and count.isdigit() and len(count) < 20):
+            return None
+        missed = self._count - int(count)
+        if not 0 <= missed <= len(self._latest):
+            return None
+        return list(self._latest)[len(self._latest) - missed :]
+
+
+class Live:
+    """Hears all jobs and tells all listeners. changed: called in the loop before they are told of a job's new status or
+    batch."""
+
+    def __init__(self, client: Client, rates: Rates, changed: Callable[[], None] = lambda: None):
+        self._client, self._rates, self._changed = client, rates, changed
         self._listeners: set[Listener] = set()
+        self._told = Told()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._hear, name="dashboard-events", daemon=True)
@@ -87,10 +122,20 @@ class Live:
     def full(self) -> bool:
         return len(self._listeners) >= MOST_LISTENERS
 
-    async def stream(self, job: str | None, here: bool | None) -> AsyncIterator[bytes]:
-        """Events of one job, or of all, as text/event-stream. here: what is known of the service now."""
+    @property
+    def mark(self) -> str:
+        """What has been told by now; for `stream`. To be taken before a page is drawn."""
+        return self._told.mark
+
+    async def stream(self, job: str | None, here: bool | None, since: str) -> AsyncIterator[bytes]:
+        """Events of one job, or of all, as text/event-stream, those after the mark `since` first. here: what
+        is known of the service now."""
         listener = Listener()
         listener.link = here
+        missed = self._told.since(since)
+        listener.all = missed is None
+        for name, kind in missed or ():
+            listener.jobs[name].add(kind)
         self._listeners.add(listener)
         try:
             yield b"retry: 2000\n\n"
@@ -99,10 +144,13 @@ class Live:
                     yield _event("link", {"here": listener.link})
                     listener.link = None
                 told = {name: sorted(kinds) for name, kinds in listener.jobs.items() if job in (None, name)}
+                everything, listener.all = listener.all, False
                 listener.jobs.clear()
                 listener.woken.clear()
-                if told:
-                    yield _event("jobs", told)
+                if everything:
+                    yield _event("all", {}, self.mark)
+                elif told:
+                    yield _event("jobs", told, self.mark)
                 try:
                     await asyncio.wait_for(listener.woken.wait(), QUIET_S)
                     await asyncio.sleep(GATHER_S)
@@ -139,6 +187,9 @@ class Live:
             self._loop.call_soon_threadsafe(what, *values)
 
     def _tell(self, job: str, kind: str) -> None:
+        self._told.add(job, kind)
+        if kind != "progress":
+            self._changed()
         for listener in self._listeners:
             listener.jobs[job].add(kind)
             listener.woken.set()
@@ -149,5 +200,7 @@ class Live:
             listener.woken.set()
 
 
-def _event(name: str, data: object) -> bytes:
-    return f"event: {name}\ndata: {json.dumps(data)}\n\n".encode()
+def _event(name: str, data: object, mark: str = "") -> bytes:
+    """mark: where a browser that loses the connection goes on (Last-Event-ID)."""
+    number = f"id: {mark}\n" if mark else ""
+    return f"{number}event: {name}\ndata: {json.dumps(data)}\n\n".encode()

@@ -29,7 +29,7 @@ class Dashboard:
         self._socket = _listening(host, port)
         self.port: int = self._socket.getsockname()[1]
         rates = Rates()
-        self._live = Live(client, rates)
+        self._live = Live(client, rates, lambda: self._link.forget_passing())
         self._link = Link(client, self._live.link_changed)
         site = Site(self._link, self._live, rates, read_only)
         config = uvicorn.Config(

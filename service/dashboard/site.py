@@ -88,6 +88,7 @@ class Site:
         status: int = 200,
     ) -> Response:
         """A whole page; `part(NAME)` in its template puts one of the parts in its place."""
+        mark = self.live.mark  # before anything is asked: what happens while the page is drawn is told to it
         tasks = {part.name: asyncio.create_task(self.draw_part(part, request)) for part in parts}
         if tasks:
             await asyncio.wait(tasks.values(), timeout=FIRST_PAINT_S)
@@ -98,6 +99,7 @@ class Site:
             "here": self.link.here,
             "reason": self.link.reason,
             "path": request.url.path,
+            "mark": mark,
         }
         return HTMLResponse(self.draw(template, values), status)
 
@@ -119,6 +121,7 @@ class Site:
             "here": self.link.here,
             "reason": self.link.reason,
             "path": request.url.path,
+            "mark": self.live.mark,
         }
         return HTMLResponse(self.draw("trouble.html", values), trouble.status)
 

@@ -84,6 +84,7 @@ function askAll() {
   for (const part of parts()) ask(part);
 }
 
+let since = document.body.dataset.since;
 let here = document.getElementById("link").dataset.here;
 
 function tell(now, text, why = "") {
@@ -98,13 +99,19 @@ function tell(now, text, why = "") {
 }
 
 function listen() {
-  const job = document.body.dataset.job;
-  const source = new EventSource(job ? `/live?job=${encodeURIComponent(job)}` : "/live");
+  const wanted = new URLSearchParams({ since }); // what happened since the page was drawn comes first
+  if (document.body.dataset.job) wanted.set("job", document.body.dataset.job);
+  const source = new EventSource(`/live?${wanted}`);
   source.addEventListener("link", (event) => {
     if (JSON.parse(event.data).here) tell("yes", "Live");
     else tell("no", "No service", "tailroad serve does not run, or cannot be reached.");
   });
+  source.addEventListener("all", (event) => {
+    since = event.lastEventId;
+    askAll();
+  });
   source.addEventListener("jobs", (event) => {
+    since = event.lastEventId;
     const kinds = new Set(Object.values(JSON.parse(event.data)).flat());
     for (const part of parts()) {
       if (part.dataset.kinds.split(" ").some((kind) => kinds.has(kind))) ask(part);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -108,6 +109,24 @@ def test_a_job_is_submitted_and_its_estimate_moves_before_the_eyes(page, service
     page.get_by_label("Search").fill("nothing like it")
     page.get_by_role("button", name="Show").click()
     page.get_by_text("jobs fits").wait_for()
+
+
+def test_what_happens_before_the_page_listens_is_told_when_it_does(page, service: Service):
+    """The job ends between the drawing of its page and the opening of the page's event source."""
+    with Client(f"tcp/127.0.0.1:{service.port}", timeout_s=60.0) as client:
+        job = client.submit(
+            "i80-10s", 0.03, ego="idm", method="naive", budget=600, seed=3, label="Ended early"
+        )
+
+        def end_the_job_first(route) -> None:
+            client.cancel(job.id)
+            assert client.wait(job.id).status == "cancelled"
+            route.continue_()
+
+        page.route(re.compile(r"/live\?"), end_the_job_first)
+        drawn = page.goto(f"/jobs/{job.id}", wait_until="commit")
+        assert "state-running" in drawn.text()
+        page.locator(".state-cancelled").wait_for()
 
 
 def test_what_is_wrong_stands_beside_the_field(page):
