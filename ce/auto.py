@@ -3,6 +3,8 @@
     search    mixture sampling from the whole budget; its first iteration is a pilot from the base
               -> naive where at least COMMON of the pilot are events
               -> splitting where the last batch of the search holds no event
+              -> splitting (naive where the event is common enough for that) where the proposals are still hardly ahead
+                 of the base, each at the level it was fitted to, after STALLED_FROM of the budget
               -> naive where the proposal found promises less than naive Monte Carlo with the rollouts left
     trial     the first TRIAL of the fresh sample
               -> splitting (naive where the event is common enough for that) where that promises more than the
@@ -15,6 +17,7 @@ warnings are those of the method that is left at the end (`est.method`).
 
 import functools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -36,8 +39,15 @@ COMMON = 0.1  # share of events in the pilot from which naive Monte Carlo is tak
 LEAST_SEARCH = 1000  # rollouts below which nothing but naive Monte Carlo is tried
 DOUBT = 0.3  # what effective events are counted for where a warning says not to rely on them
 COST = 36.0  # rollouts a level and effective event of splitting, measured (README)
+STALLED_FROM = (
+    0.2  # of the budget, from which a search may have stalled (README): the last two batches' headway is
+)
+HEADWAY = 0.4  # below this
+RISING = 0.1  # and does not rise by this from one to the other
 TRIAL = 0.2  # of the fresh sample
-ENOUGH_NAIVE = 400.0  # events expected of naive Monte Carlo from which it is preferred to splitting
+ENOUGH_NAIVE = (
+    400.0  # events expected of naive Monte Carlo from which it is preferred to splitting in any case
+)
 OFFSETS = {
     "mixture": 0,
     "naive": 1000,
@@ -180,6 +190,9 @@ class Auto(Posed):
             if left > 0 and last.events >= COMMON * last.rollouts:
                 return self._go(state, est, "naive", "the event is common")
             return state
+        if within.phase == "train" and stalled(within.headway, est.rollouts / self.options.budget):
+            p = sum(within.shares) / len(within.shares)
+            return self._rare(state, est, p, left, "the search is hardly ahead of naive Monte Carlo")
         if within.phase != "estimate":
             return state
         if within.f.size == 0:
@@ -208,7 +221,7 @@ class Auto(Posed):
         return state
 
     def _rare(self, state: AutoState, est: Estimate, p: float, left: int, reason: str) -> AutoState:
-        if p * left >= ENOUGH_NAIVE:
+        if p * left >= min(ENOUGH_NAIVE, _splitting_worth(p, left)):
             return self._go(state, est, "naive", reason)
         return self._go(state, est, "splitting", reason) if left >= LEAST_SEARCH else state
 
@@ -224,6 +237,15 @@ class Auto(Posed):
             failed=tuple((r.phase, r.iteration, r.index) for r in est.failed_rollouts),
             reason=f"{reason}: method {stage} took over after {est.rollouts} rollouts",
         )
+
+
+def stalled(headway: Sequence[float], spent: float) -> bool:
+    """Whether a search's proposals are hardly ahead of the base, and not getting further ahead, though a fair share of
+    the budget is spent. headway: `MixtureState.headway`, NaN where a level tells nothing yet."""
+    if spent < STALLED_FROM or len(headway) < 2:
+        return False
+    before, last = headway[-2:]
+    return max(before, last) < HEADWAY and last < before + RISING  # never where one is NaN
 
 
 def _pilot_share(within) -> float:

@@ -54,6 +54,7 @@ FOUND_FIRST, FOUND_SHARE = (
 MOST_HINTS = 8
 LEAST_MASS = 0.01  # of the event, below which it does not matter whether a part of it is covered
 LEAST_STATES = 2  # chains
+TELLING = 0.15  # probability of a level, above which no proposal can be far ahead of the base there
 _FIT_KIND = 0x66697400
 Array = NDArray[np.float64]
 
@@ -93,6 +94,8 @@ class MixtureSampling(ImportanceSampling):
             found=None,
             coverage=math.nan,
             worths=(),
+            headway=(),
+            shares=(),
             records=(),
             failed=(),
             f=nothing,
@@ -199,6 +202,8 @@ class MixtureSampling(ImportanceSampling):
         worths = state.worths
         if reached:
             worths = (*worths, effective_sample_size(-ratio[f <= self.gamma]) / f.size)
+        headway = _headway(f, -ratio, state.level)
+        share = float(np.exp(-ratio[f <= self.gamma]).sum()) / f.size
         improved = quantile < state.least_quantile
         after = msgspec.structs.replace(
             state,
@@ -210,6 +215,8 @@ class MixtureSampling(ImportanceSampling):
             elite_u=elite_u,
             elite_f=elite_f,
             worths=worths,
+            headway=(*state.headway, headway),
+            shares=(*state.shares, share),
             failed=_with_failures(state, f),
             base_f=f if state.iteration == 0 else state.base_f,
         )
@@ -383,6 +390,17 @@ def _hints(mixture: Mixture, u: Array, f: Array, older: int, new: NDArray[np.int
         own = np.concatenate([np.zeros(older), own[new]])
         found.append(Direction(direction.vector, own, direction.cosine2))
     return sorted(found, key=lambda hint: -hint.cosine2)[:MOST_HINTS]
+
+
+def _headway(f: Array, log_w: Array, level: float) -> float:
+    """How far the proposal of a batch, with f (n,) and log weights, was ahead of the base at the level it was fitted
+    to: log of the effective events a rollout over those of naive Monte Carlo, by -log P0(f <= level). 0: no better
+    than the base; 1: every rollout an event of its own. NaN where the level says nothing yet."""
+    w = np.exp(log_w[f <= level])
+    p = float(w.sum()) / f.size
+    if not level < math.inf or not 0.0 < p <= TELLING:
+        return math.nan
+    return math.log(float(w.sum()) / float(w @ w)) / -math.log(p)
 
 
 def _with_failures(state: MixtureState, f: Array) -> tuple[tuple[int, int], ...]:

@@ -145,6 +145,8 @@ class MixtureState(msgspec.Struct, frozen=True, eq=False):
     found: Part | None  # where the look has met events that no proposal covered
     coverage: float  # of the look's states by the last proposal; NaN: no look
     worths: tuple[float, ...]  # effective events a rollout of each batch since the threshold was reached
+    headway: tuple[float, ...]  # of the proposal of each batch of the search, at the level it was fitted to
+    shares: tuple[float, ...]  # p by each batch of the search alone
     records: tuple[TrainingRecord, ...]
     failed: tuple[tuple[int, int], ...]
     f: NDArray[np.float64]

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import ce
+from ce.auto import stalled
 from tests.reference.problems import BETAS, LINEAR_2
+from tests.reference.variants import two_sided
 
 HIGH = ce.Product([ce.Normal(np.zeros(60), np.eye(60))])
 
@@ -40,6 +42,32 @@ def test_where_no_proposal_fits_it_switches_and_counts_what_that_cost():
     assert est.ci[0] <= p <= est.ci[1] or est.warnings
     if est.method != "mixture":
         assert est.training_rollouts > 1000
+
+
+def test_a_search_that_gets_nowhere_is_left_early():
+    """Nothing tells the two sides of 404 directions apart but f's square: no proposal gets ahead of the base."""
+    problem = two_sided(404, 3.5)
+    est = ce.estimate(problem.f, problem.base, problem.gamma, budget=20_000, seed=1)
+    assert est.method == "splitting"
+    assert est.training_rollouts < 7000
+    assert [w.name for w in est.warnings if w.name == "method-switched"]
+    assert est.p == pytest.approx(problem.p, abs=4 * est.std_error)
+
+
+@pytest.mark.parametrize(
+    ("headway", "spent", "expected"),
+    [
+        ([math.nan, 0.1, 0.15], 0.25, True),
+        ([math.nan, 0.1, 0.15], 0.15, False),  # it may still begin to
+        ([math.nan, 0.1, 0.25], 0.25, False),  # it has begun to
+        ([math.nan, 0.5, 0.1], 0.25, False),  # one poor batch after a good one
+        ([0.1, math.nan], 0.25, False),  # the level tells nothing
+        ([math.nan, 0.1], 0.25, False),
+        ([math.nan], 0.25, False),
+    ],
+)
+def test_a_search_has_stalled_where_two_batches_say_so(headway, spent, expected):
+    assert stalled(headway, spent) is expected
 
 
 @pytest.mark.parametrize("budget", [1, 500, 999])
