@@ -257,11 +257,13 @@ class MixtureSampling(ImportanceSampling):
             return top
         return max(float(first), self.gamma)
 
-    def _with_fit(self, state: MixtureState, fits: tuple[Part, ...], log_w: Array) -> MixtureState:
-        """The state with a proposal made of the last fits, what the look found, and the base."""
+    def _with_fit(
+        self, state: MixtureState, fits: tuple[Part, ...], log_w: Array, first: bool = False
+    ) -> MixtureState:
+        """The state with a proposal made of the last fits, what the look found (first: just now), and the base."""
         o = self.options
         poor = effective_sample_size(log_w) < LEAST_ELITES
-        share = FOUND_FIRST if state.phase == "look" or poor else FOUND_SHARE
+        share = FOUND_FIRST if first or poor else FOUND_SHARE
         parts = []
         if len(fits) > 1 and o.ladder_share:
             parts.append(msgspec.structs.replace(fits[-2], weight=o.ladder_share))
@@ -336,7 +338,7 @@ class MixtureSampling(ImportanceSampling):
         after = msgspec.structs.replace(after, found=part)
         if state.fits:
             log_w = -_mean_log_ratio(state.mixtures[:-1], state.elite_u)
-            after = self._with_fit(after, state.fits, log_w)
+            after = self._with_fit(after, state.fits, log_w, first=True)
             after = msgspec.structs.replace(after, mixtures=(*state.mixtures[:-1], after.mixtures[-1]))
         else:
             mixture = Mixture(1.0 - FOUND_SHARE, (msgspec.structs.replace(part, weight=FOUND_SHARE),))
