@@ -3,8 +3,9 @@
     search    mixture sampling from the whole budget; its first iteration is a pilot from the base
               -> naive where at least COMMON of the pilot are events
               -> splitting where the last batch of the search holds no event
-              -> splitting (naive where the event is common enough for that) where the proposals are still hardly ahead
-                 of the base, each at the level it was fitted to, after STALLED_FROM of the budget
+              -> splitting (naive where the event is common enough for that) where after STALLED_FROM of the budget, and
+                 after the look where one comes early, the proposals are still hardly ahead of the base, each at the
+                 level it was fitted to
               -> naive where the proposal found promises less than naive Monte Carlo with the rollouts left
     trial     the first TRIAL of the fresh sample
               -> splitting (naive where the event is common enough for that) where that promises more than the
@@ -32,7 +33,7 @@ from ce.product import Product
 from ce.protocol import Algorithm
 from ce.results import FEW_EVENTS, Condition, Estimate, FailedRollout
 from ce.splitting import Splitting, SplittingOptions
-from ce.state import AutoState, Batch, EstimationRecord, TrainingRecord, to_bytes
+from ce.state import AutoState, Batch, EstimationRecord, MixtureState, TrainingRecord, to_bytes
 from ce.streams import checked_seed
 
 COMMON = 0.1  # share of events in the pilot from which naive Monte Carlo is taken
@@ -43,7 +44,8 @@ STALLED_FROM = (
     0.2  # of the budget, from which a search may have stalled (README): the last two batches' headway is
 )
 HEADWAY = 0.4  # below this
-RISING = 0.1  # and does not rise by this from one to the other
+RISING = 0.1  # and does not rise by this from one to the other;
+LOOKED = 0.3  # or that of the first batch after the look is below this
 TRIAL = 0.2  # of the fresh sample
 ENOUGH_NAIVE = (
     400.0  # events expected of naive Monte Carlo from which it is preferred to splitting in any case
@@ -190,7 +192,7 @@ class Auto(Posed):
             if left > 0 and last.events >= COMMON * last.rollouts:
                 return self._go(state, est, "naive", "the event is common")
             return state
-        if within.phase == "train" and stalled(within.headway, est.rollouts / self.options.budget):
+        if within.phase == "train" and self._stalled(inner, within, est.rollouts):
             p = sum(within.shares) / len(within.shares)
             return self._rare(state, est, p, left, "the search is hardly ahead of naive Monte Carlo")
         if within.phase != "estimate":
@@ -220,6 +222,14 @@ class Auto(Posed):
             return msgspec.structs.replace(state, tried=True)
         return state
 
+    def _stalled(self, inner: Algorithm, within: MixtureState, rollouts: int) -> bool:
+        assert isinstance(inner, MixtureSampling)
+        looks = [k for k, record in enumerate(within.records) if "look" in record.summary]
+        if not looks and inner.looks_early:
+            return False  # modes that hold the search up may be found yet
+        since = len(within.records) - 1 - looks[-1] if looks else None
+        return stalled(within.headway, rollouts / self.options.budget, since)
+
     def _rare(self, state: AutoState, est: Estimate, p: float, left: int, reason: str) -> AutoState:
         if p * left >= min(ENOUGH_NAIVE, _splitting_worth(p, left)):
             return self._go(state, est, "naive", reason)
@@ -239,12 +249,15 @@ class Auto(Posed):
         )
 
 
-def stalled(headway: Sequence[float], spent: float) -> bool:
+def stalled(headway: Sequence[float], spent: float, since_look: int | None = None) -> bool:
     """Whether a search's proposals are hardly ahead of the base, and not getting further ahead, though a fair share of
-    the budget is spent. headway: `MixtureState.headway`, NaN where a level tells nothing yet."""
-    if spent < STALLED_FROM or len(headway) < 2:
+    the budget is spent. headway: `MixtureState.headway`, NaN where a level tells nothing yet; since_look: batches after
+    the look, None where there was none. The first of them says what the look has helped."""
+    if spent < STALLED_FROM or len(headway) < 2 or since_look == 0:
         return False
     before, last = headway[-2:]
+    if since_look == 1:
+        return last < LOOKED
     return max(before, last) < HEADWAY and last < before + RISING  # never where one is NaN
 
 

@@ -29,7 +29,7 @@ from ce import look
 from ce.checks import checked_response, checked_turn
 from ce.gaussian_mixture import Mixture, Part, draw_standard, log_ratio, nearest, only_base
 from ce.importance import ImportanceSampling
-from ce.mixture_fit import fit, fit_clusters
+from ce.mixture_fit import FEW, fit, fit_clusters, straightened
 from ce.mixture_options import LEAST_BUDGET, MANY, MOST_ELITES, MixtureOptions
 from ce.mixture_report import LEAST_ELITES, described, record_of_search, search_conditions, summary_of
 from ce.product import Product
@@ -145,6 +145,11 @@ class MixtureSampling(ImportanceSampling):
     # -- batches ---------------------------------------------------------------------------------------------
 
     @property
+    def looks_early(self) -> bool:
+        """Whether the look comes after half of the search at the latest, though gamma may not be reached by then."""
+        return self.base.dim <= MANY and self.options.look_sizes()[0] > 0
+
+    @property
     def _iteration_size(self) -> int:
         return self.options.iteration_size(self.base.dim)
 
@@ -220,12 +225,15 @@ class MixtureSampling(ImportanceSampling):
             failed=_with_failures(state, f),
             base_f=f if state.iteration == 0 else state.base_f,
         )
+        just_found = bool(state.records) and "look" in state.records[-1].summary
+        if just_found and state.found is not None and self.base.dim > FEW:
+            after = msgspec.structs.replace(after, found=_straightened(state.found, current, u, f))
         fitted = elite_f.size >= 2
         if fitted:
             source = generator(state.seed, _FIT_KIND, "train", state.iteration, 0)
             hints = _hints(current, u, f, older, new)
             part = fit(elite_u, normalised(log_w), o.components, source, hints)
-            after = self._with_fit(after, (*state.fits, part)[-2:], log_w)
+            after = self._with_fit(after, (*state.fits, part)[-2:], log_w, first=just_found)
         else:
             after = msgspec.structs.replace(after, mixtures=(*state.mixtures, current))
         record = record_of_search(
@@ -286,7 +294,7 @@ class MixtureSampling(ImportanceSampling):
         hot, _ = o.look_sizes()
         missed = state.look is not None and state.look.f.size == 0 and state.look.bound > self.gamma
         slow = made >= most // 2 or made > state.improved_at + PATIENCE
-        early = state.look is None and slow and self.base.dim <= MANY
+        early = state.look is None and slow and self.looks_early
         if hot and (early or (reached and (state.look is None or missed))):
             begun = look.begun(self.base.dim, self.gamma if reached else math.inf)
             return msgspec.structs.replace(state, phase="look", look=begun)
@@ -392,6 +400,12 @@ def _hints(mixture: Mixture, u: Array, f: Array, older: int, new: NDArray[np.int
         own = np.concatenate([np.zeros(older), own[new]])
         found.append(Direction(direction.vector, own, direction.cosine2))
     return sorted(found, key=lambda hint: -hint.cosine2)[:MOST_HINTS]
+
+
+def _straightened(found: Part, sampled: Mixture, u: Array, f: Array) -> Part:
+    """What the look found, by what the first batch that was drawn from it tells."""
+    label = nearest(sampled, u) - (1 + sum(part.shares.size for part in sampled.parts[:-1]))
+    return straightened(found, np.maximum(label, -1), u, f)
 
 
 def _headway(f: Array, log_w: Array, level: float) -> float:

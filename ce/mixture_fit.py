@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ce.gaussian_mixture import Part
-from ce.regression import Direction
+from ce.regression import Direction, downhill
 from ce.subspace import find
 
 Array = NDArray[np.float64]
@@ -23,6 +23,8 @@ PATIENCE = 3  # numbers of components without a gain after which no larger one i
 MOST_SAMPLES = 1200  # that EM goes over, a random choice of them
 _COUNTS = (1, 2, 3, 4, 6, 8, 12)
 FEW = 3  # dimensions
+ALIKE = 0.5  # cosine between the means of components that may sit in the same mode
+SURE = 0.8  # squared cosine of a regression with the line that it is about
 FORMS = ("full", "diagonal", "spiked")
 WIDENING = 1.3  # factor on variances below the base's, at most up to it
 
@@ -111,6 +113,27 @@ def fit_clusters(
             best = score, Part(1.0, basis, shares, centres, factors, 1.0)
     assert best is not None
     return best[1]
+
+
+def straightened(part: Part, label: NDArray[np.intp], u: Array, f: Array) -> Part:
+    """The part with each mean brought back to the line along which f falls, where a regression on rows u (n, d) with
+    values f (n,) around it is sure of that line: the rest of a mean over few chains is noise, which costs weights.
+    label: the component that each row is nearest to, -1 for none of this part (n,)."""
+    means = part.means @ part.basis.T
+    unit = means / np.maximum(np.sqrt(np.sum(means**2, axis=1, keepdims=True)), 1e-300)
+    alike = unit @ unit.T > ALIKE
+    moved = means.copy()
+    for j, mean in enumerate(means):
+        around = (np.flatnonzero(label == j), np.flatnonzero((label >= 0) & alike[j][label]))
+        lines = [downhill(u[rows], f[rows], np.zeros(0, dtype=np.intp)) for rows in around]
+        line = max(filter(None, lines), key=lambda found: found.cosine2, default=None)
+        if line is not None and line.cosine2 > SURE:
+            moved[j] = max(float(mean @ line.vector), 0.0) * line.vector
+    if np.array_equal(moved, means):
+        return part
+    basis = np.linalg.qr(moved.T)[0]
+    factors = np.broadcast_to(np.eye(basis.shape[1]), (means.shape[0], basis.shape[1], basis.shape[1])).copy()
+    return Part(part.weight, basis, part.shares, moved @ basis, factors, 1.0)
 
 
 def _widened(covariance: Array) -> Array:

@@ -55,19 +55,25 @@ def test_a_search_that_gets_nowhere_is_left_early():
 
 
 @pytest.mark.parametrize(
-    ("headway", "spent", "expected"),
+    ("headway", "spent", "since_look", "expected"),
     [
-        ([math.nan, 0.1, 0.15], 0.25, True),
-        ([math.nan, 0.1, 0.15], 0.15, False),  # it may still begin to
-        ([math.nan, 0.1, 0.25], 0.25, False),  # it has begun to
-        ([math.nan, 0.5, 0.1], 0.25, False),  # one poor batch after a good one
-        ([0.1, math.nan], 0.25, False),  # the level tells nothing
-        ([math.nan, 0.1], 0.25, False),
-        ([math.nan], 0.25, False),
+        ([math.nan, 0.1, 0.15], 0.25, None, True),
+        ([math.nan, 0.1, 0.15], 0.15, None, False),  # it may still begin to
+        ([math.nan, 0.1, 0.25], 0.25, None, False),  # it has begun to
+        ([math.nan, 0.5, 0.1], 0.25, None, False),  # one poor batch after a good one
+        ([0.1, math.nan], 0.25, None, False),  # the level tells nothing
+        ([math.nan, 0.1], 0.25, None, False),
+        ([math.nan], 0.25, None, False),
+        ([0.1, 0.15], 0.4, 0, False),  # the batch that the look has helped is still to come
+        ([0.1, 0.25], 0.4, 1, True),
+        ([0.5, 0.25], 0.4, 1, True),
+        ([0.1, 0.35], 0.4, 1, False),
+        ([0.3, 0.35], 0.4, 2, True),
+        ([0.1, math.nan], 0.4, 1, False),
     ],
 )
-def test_a_search_has_stalled_where_two_batches_say_so(headway, spent, expected):
-    assert stalled(headway, spent) is expected
+def test_a_search_has_stalled_where_its_last_batches_say_so(headway, spent, since_look, expected):
+    assert stalled(headway, spent, since_look) is expected
 
 
 @pytest.mark.parametrize("budget", [1, 500, 999])

@@ -7,6 +7,8 @@ import pytest
 
 import ce
 from ce import look
+from ce.gaussian_mixture import Part
+from ce.mixture_fit import straightened
 from tests.reference.variants import VARIANTS
 
 KNOWN = {problem.name: problem for problem in VARIANTS}
@@ -66,3 +68,29 @@ def test_states_that_no_proposal_reaches_are_told_apart():
     usual = np.log(np.full(100, 1e-4))
     states = np.log([1e-4, 1.5e-3, 1e-2, 8.0])
     np.testing.assert_array_equal(look.uncovered(states, usual), [False, False, True, True])
+
+
+def test_a_mean_over_few_chains_is_brought_back_to_the_line_on_which_f_falls():
+    d, source = 20, np.random.default_rng(5)
+    directions = np.linalg.qr(source.standard_normal((d, 2)))[0].T
+    means = 4.0 * directions + 0.7 * source.standard_normal((2, d))  # off by three deviations
+    basis = np.linalg.qr(means.T)[0]
+    part = Part(0.4, basis, np.array([0.5, 0.5]), means @ basis, np.stack([np.eye(2)] * 2), 1.0)
+    label = np.repeat([0, 1, -1], [80, 80, 40])
+    u = source.standard_normal((200, d)) + np.vstack([means, np.zeros(d)])[label]
+    f = np.min(4.0 - u @ directions.T, axis=1)
+    better = straightened(part, label, u, f)
+    assert better.weight == part.weight
+    assert better.means @ better.basis.T == pytest.approx(
+        np.sum(means * directions, axis=1)[:, None] * directions, abs=0.05
+    )
+
+
+def test_a_mean_stays_where_f_tells_no_line():
+    d, source = 20, np.random.default_rng(6)
+    mean = 4.0 * np.eye(d)[:1]
+    part = Part(0.4, mean.T / 4.0, np.ones(1), np.array([[4.0]]), np.ones((1, 1, 1)), 1.0)
+    u = source.standard_normal((100, d)) + mean
+    label = np.zeros(100, dtype=np.intp)
+    for f in (source.random(100), np.full(100, np.inf), np.full(100, np.nan)):
+        assert straightened(part, label, u, f) is part
