@@ -28,7 +28,8 @@ TOLD_EVERY_S = 60.0  # where standard error is no terminal
 @click.command()
 @click.argument("name", type=click.Choice((*PLANS, "qualitative", "scale", "peers")))
 @click.option("--scale", type=click.Choice(SCALES), default="small", show_default=True,
-              help="smoke: seconds; small: minutes; medium: an hour; paper: the sizes of the paper.")  # fmt: skip
+              help="smoke: seconds; small: minutes; medium: an hour; large: hours; paper: the sizes of the "
+              "paper.")  # fmt: skip
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("runs/reproduce"),
               show_default=True, help="Holds the run directories; the same command goes on from there.")  # fmt: skip
 @click.option("--pages", type=click.Path(file_okay=False, path_type=Path), help="Where the page is written.  "

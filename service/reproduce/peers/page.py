@@ -13,6 +13,7 @@ ROUNDS = {
     "smoke": (1, 10),
     "small": (3, 50),
     "medium": (5, 100),
+    "large": (7, 150),
     "paper": (9, 200),
 }  # rounds, our rollouts in each
 
