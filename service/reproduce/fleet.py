@@ -16,7 +16,7 @@ from service.api import objects as O
 from service.client import Client
 from service.errors import InputError
 from service.reproduce.local import Outcome, Watch
-from service.reproduce.plans import Plan, Run, Truth, curve_gammas
+from service.reproduce.plans import Plan, Run, Truth, curve_gammas, fine_gammas
 from service.reproduce.results import Reading, Result
 from service.reproduce.truth import CONFIDENCE, truth_job
 from service.scenario import load_scenario
@@ -129,7 +129,8 @@ def _progress(client: Client, job: str) -> Iterator[int]:
 
 
 def _truth(client: Client, job: str, plan: Plan) -> FleetTruth:
-    gammas = sorted({*plan.gammas, *curve_gammas(plan)})
+    fine = () if plan.runs else fine_gammas()  # a ground truth alone is read for its quantiles
+    gammas = sorted({*plan.gammas, *curve_gammas(plan), *fine})
     found = client.estimate(job)
     curve = client.curve(job, gammas)
     return FleetTruth(

@@ -23,6 +23,7 @@ PAPER, NEAR = "as in the paper", "kept near P0"
 SEARCHES: dict[str, dict[str, Any]] = {PAPER: {}, NEAR: {"mean_box": 0.0001, "max_kl": 2.5}}
 HIGHEST_S = 0.999  # that a ground truth knows (`service.reproduce.truth`)
 CURVE_POINTS = 60
+FINE_S = 0.002  # between thresholds at which a ground truth is read where its quantiles are wanted
 BEST_RHO = 0.01  # of the paper's four
 WORLD_THRESHOLDS = (0.75, 0.65, 0.58)
 # The paper's method and ours, where not all are to be run: the name in tables, the method, its options, the noise. Over
@@ -103,6 +104,11 @@ def curve_gammas(plan: Plan) -> tuple[float, ...]:
     """Thresholds at which the ground truth is drawn: a little beyond the plan's on both sides."""
     low, high = 0.9 * min(plan.gammas), min(1.1 * max(plan.gammas), HIGHEST_S)
     return tuple(low + (high - low) * k / (CURVE_POINTS - 1) for k in range(CURVE_POINTS))
+
+
+def fine_gammas() -> tuple[float, ...]:
+    """Thresholds close enough together to read quantiles off."""
+    return tuple(round(FINE_S * (k + 1), 6) for k in range(int(HIGHEST_S / FINE_S)))
 
 
 def plans_of(name: str, scale: str, seed: int = 1) -> tuple[Plan, ...]:

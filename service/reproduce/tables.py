@@ -5,8 +5,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import binom
 
 from service.reproduce.local import Outcome
+from service.reproduce.plans import fine_gammas
 from service.reproduce.ratios import (
     UNKNOWN,
     Ratio,
@@ -114,6 +116,25 @@ def estimates_table(outcome: Outcome) -> Table:
     )
 
 
+def thresholds_table(outcome: Outcome) -> Table:
+    """Where the rare events are: the threshold at which p is each power of ten, to FINE_S, with an interval by the
+    binomial count of values below a quantile."""
+    gammas = fine_gammas()
+    n, events = outcome.truth.rollouts, outcome.truth.at(gammas)["events"]
+    rows = []
+    for p in POWERS:
+        ranks = (round(p * n), int(binom.ppf(0.025, n, p)), int(binom.ppf(0.975, n, p)) + 1)
+        if ranks[0] >= 1 and events[-1] >= ranks[2]:
+            gamma, low, high = (f"{gammas[np.searchsorted(events, rank)]:.3f} s" for rank in ranks)
+            rows.append((number(p), gamma, f"{low if ranks[1] else 'not known'} to {high}", count(ranks[0])))
+    return Table(
+        "Thresholds",
+        ("p", "γ", "95% interval", "events"),
+        tuple(rows),
+        "Order statistics of the ground truth.",
+    )
+
+
 def _with_error(p: float | None, std_error: float | None) -> str:
     return f"{number(p)} ± {number(std_error)}"
 
@@ -156,6 +177,7 @@ def warnings_table(outcome: Outcome) -> Table:
     )  # fmt: skip
 
 
+POWERS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 STARRED = (
     "* a run's own warnings say that its variance cannot be relied on. –: not known; an estimate is worth fewer than "
     f"{LEAST_EFFECTIVE:g} events of equal weight there, or there are none. "
@@ -176,9 +198,9 @@ EVENTS_NOTE = "Events a rollout under the proposal over events a rollout under P
 
 
 def tables_of(outcome: Outcome) -> list[Table]:
-    """Every table of the page; a ground truth alone has one."""
+    """Every table of the page; that of a ground truth alone has two."""
     if not outcome.results:
-        return [estimates_table(outcome)]
+        return [thresholds_table(outcome), estimates_table(outcome)]
     found = [
         estimates_table(outcome),
         ratios_table(outcome, "events", "Ratio of rare events to naive Monte Carlo", EVENTS_NOTE),

@@ -83,6 +83,13 @@ def test_jobs_are_submitted_once_and_their_results_make_the_page(tmp_path):
     assert "all of them in SUMO" in text
 
 
+def test_a_ground_truth_alone_tells_its_quantiles(tmp_path):
+    (plan,) = plans_of("truth", "small")
+    outcome = carry_out_on(Service(), plan, Watch())
+    text = write_page(page_of(outcome, "tailroad reproduce truth"), tmp_path).read_text(encoding="utf-8")
+    assert "| p | γ | 95% interval | events |" in text
+
+
 def test_searched_noise_is_sent_by_value_and_can_be_run():
     (plan,) = plans_of("beyond", "smoke")
     service = Service()

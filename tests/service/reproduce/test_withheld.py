@@ -10,7 +10,7 @@ import pytest
 from service.reproduce.local import Outcome
 from service.reproduce.plans import Plan, Run, Truth
 from service.reproduce.results import Reading, Result
-from service.reproduce.tables import LEAST_EFFECTIVE, tables_of
+from service.reproduce.tables import LEAST_EFFECTIVE, tables_of, thresholds_table
 
 P, N = 1e-3, 100_000
 RUN = Run(
@@ -56,3 +56,23 @@ def test_a_variance_of_hardly_any_effective_events_is_compared_with_nothing(ess,
         assert row[0] == "tried *"
         assert (row[1] == "–") == withheld
     assert tables["Ratio of rare events to naive Monte Carlo"].rows[0][1] != "–"
+
+
+def test_thresholds_are_order_statistics_as_far_as_the_ground_truth_goes():
+    """f uniform on (0, 10 s): p is a tenth of the threshold."""
+
+    class Uniform(Known):
+        def at(self, gammas):
+            p = np.asarray(gammas) / 10.0
+            return {"events": np.floor(N * p + 1e-9).astype(int)}
+
+    rows = thresholds_table(Outcome(outcome(1.0).plan, Uniform(), (), False)).rows
+    assert [(row[0], row[1], row[3]) for row in rows] == [
+        ("0.010", "0.100 s", "1,000"),
+        ("0.0010", "0.010 s", "100"),
+        ("1.0 × 10⁻⁴", "0.002 s", "10"),  # 1 ms is finer than what is read
+        ("1.0 × 10⁻⁵", "0.002 s", "1"),
+    ]
+    # 1,000 of 100,000, plus or minus 1.96 times the square root of 990
+    assert rows[0][2] == "0.094 s to 0.108 s"
+    assert rows[3][2].startswith("not known to")
