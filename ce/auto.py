@@ -3,7 +3,7 @@
     search    mixture sampling from the whole budget; its first iteration is a pilot from the base
               -> naive where at least COMMON of the pilot are events
               -> splitting where the last batch of the search holds no event
-              -> splitting (naive where the event is common enough for that) where after STALLED_FROM of the budget, and
+              -> splitting (naive where the event is common enough for that) where after a fifth of the budget, and
                  after the look where one comes early, the proposals are still hardly ahead of the base, each at the
                  level it was fitted to
               -> naive where the proposal found promises less than naive Monte Carlo with the rollouts left
@@ -18,7 +18,6 @@ warnings are those of the method that is left at the end (`est.method`).
 
 import functools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -26,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from ce.checks import at_least, in_range
 from ce.errors import BudgetError, StateError
+from ce.headway import stalled
 from ce.mixture import MixtureOptions, MixtureSampling
 from ce.naive import Naive, NaiveOptions
 from ce.posed import Posed
@@ -40,12 +40,6 @@ COMMON = 0.1  # share of events in the pilot from which naive Monte Carlo is tak
 LEAST_SEARCH = 1000  # rollouts below which nothing but naive Monte Carlo is tried
 DOUBT = 0.3  # what effective events are counted for where a warning says not to rely on them
 COST = 36.0  # rollouts a level and effective event of splitting, measured (README)
-STALLED_FROM = (
-    0.2  # of the budget, from which a search may have stalled (README): the last two batches' headway is
-)
-HEADWAY = 0.4  # below this
-RISING = 0.1  # and does not rise by this from one to the other;
-LOOKED = 0.3  # or that of the first batch after the look is below this
 TRIAL = 0.2  # of the fresh sample
 ENOUGH_NAIVE = (
     400.0  # events expected of naive Monte Carlo from which it is preferred to splitting in any case
@@ -247,18 +241,6 @@ class Auto(Posed):
             failed=tuple((r.phase, r.iteration, r.index) for r in est.failed_rollouts),
             reason=f"{reason}: method {stage} took over after {est.rollouts} rollouts",
         )
-
-
-def stalled(headway: Sequence[float], spent: float, since_look: int | None = None) -> bool:
-    """Whether a search's proposals are hardly ahead of the base, and not getting further ahead, though a fair share of
-    the budget is spent. headway: `MixtureState.headway`, NaN where a level tells nothing yet; since_look: batches after
-    the look, None where there was none. The first of them says what the look has helped."""
-    if spent < STALLED_FROM or len(headway) < 2 or since_look == 0:
-        return False
-    before, last = headway[-2:]
-    if since_look == 1:
-        return last < LOOKED
-    return max(before, last) < HEADWAY and last < before + RISING  # never where one is NaN
 
 
 def _pilot_share(within) -> float:

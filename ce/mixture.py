@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from ce import look
 from ce.checks import checked_response, checked_turn
 from ce.gaussian_mixture import Mixture, Part, draw_standard, log_ratio, nearest, only_base
+from ce.headway import headway
 from ce.importance import ImportanceSampling
 from ce.mixture_fit import FEW, fit, fit_clusters, straightened
 from ce.mixture_options import LEAST_BUDGET, MANY, MOST_ELITES, MixtureOptions
@@ -54,7 +55,6 @@ FOUND_FIRST, FOUND_SHARE = (
 MOST_HINTS = 8
 LEAST_MASS = 0.01  # of the event, below which it does not matter whether a part of it is covered
 LEAST_STATES = 2  # chains
-TELLING = 0.15  # probability of a level, above which no proposal can be far ahead of the base there
 _FIT_KIND = 0x66697400
 Array = NDArray[np.float64]
 
@@ -207,7 +207,7 @@ class MixtureSampling(ImportanceSampling):
         worths = state.worths
         if reached:
             worths = (*worths, effective_sample_size(-ratio[f <= self.gamma]) / f.size)
-        headway = _headway(f, -ratio, state.level)
+        ahead = headway(f, -ratio, state.level)
         share = float(np.exp(-ratio[f <= self.gamma]).sum()) / f.size
         improved = quantile < state.least_quantile
         after = msgspec.structs.replace(
@@ -220,20 +220,22 @@ class MixtureSampling(ImportanceSampling):
             elite_u=elite_u,
             elite_f=elite_f,
             worths=worths,
-            headway=(*state.headway, headway),
+            headway=(*state.headway, ahead),
             shares=(*state.shares, share),
             failed=_with_failures(state, f),
             base_f=f if state.iteration == 0 else state.base_f,
         )
         just_found = bool(state.records) and "look" in state.records[-1].summary
-        if just_found and state.found is not None and self.base.dim > FEW:
+        if just_found and state.found is not None and FEW < self.base.dim <= MANY:
             after = msgspec.structs.replace(after, found=_straightened(state.found, current, u, f))
         fitted = elite_f.size >= 2
         if fitted:
             source = generator(state.seed, _FIT_KIND, "train", state.iteration, 0)
             hints = _hints(current, u, f, older, new)
             part = fit(elite_u, normalised(log_w), o.components, source, hints)
-            after = self._with_fit(after, (*state.fits, part)[-2:], log_w, first=just_found)
+            after = self._with_fit(
+                after, (*state.fits, part)[-2:], log_w, first=after.found is not state.found
+            )
         else:
             after = msgspec.structs.replace(after, mixtures=(*state.mixtures, current))
         record = record_of_search(
@@ -268,7 +270,8 @@ class MixtureSampling(ImportanceSampling):
     def _with_fit(
         self, state: MixtureState, fits: tuple[Part, ...], log_w: Array, first: bool = False
     ) -> MixtureState:
-        """The state with a proposal made of the last fits, what the look found (first: just now), and the base."""
+        """The state with a proposal made of the last fits, what the look found (first: what just now, and in few enough
+        dimensions that its first rows tell where f falls), and the base."""
         o = self.options
         poor = effective_sample_size(log_w) < LEAST_ELITES
         share = FOUND_FIRST if first or poor else FOUND_SHARE
@@ -346,7 +349,7 @@ class MixtureSampling(ImportanceSampling):
         after = msgspec.structs.replace(after, found=part)
         if state.fits:
             log_w = -_mean_log_ratio(state.mixtures[:-1], state.elite_u)
-            after = self._with_fit(after, state.fits, log_w, first=True)
+            after = self._with_fit(after, state.fits, log_w, first=self.base.dim <= MANY)
             after = msgspec.structs.replace(after, mixtures=(*state.mixtures[:-1], after.mixtures[-1]))
         else:
             mixture = Mixture(1.0 - FOUND_SHARE, (msgspec.structs.replace(part, weight=FOUND_SHARE),))
@@ -406,17 +409,6 @@ def _straightened(found: Part, sampled: Mixture, u: Array, f: Array) -> Part:
     """What the look found, by what the first batch that was drawn from it tells."""
     label = nearest(sampled, u) - (1 + sum(part.shares.size for part in sampled.parts[:-1]))
     return straightened(found, np.maximum(label, -1), u, f)
-
-
-def _headway(f: Array, log_w: Array, level: float) -> float:
-    """How far the proposal of a batch, with f (n,) and log weights, was ahead of the base at the level it was fitted
-    to: log of the effective events a rollout over those of naive Monte Carlo, by -log P0(f <= level). 0: no better
-    than the base; 1: every rollout an event of its own. NaN where the level says nothing yet."""
-    w = np.exp(log_w[f <= level])
-    p = float(w.sum()) / f.size
-    if not level < math.inf or not 0.0 < p <= TELLING:
-        return math.nan
-    return math.log(float(w.sum()) / float(w @ w)) / -math.log(p)
 
 
 def _with_failures(state: MixtureState, f: Array) -> tuple[tuple[int, int], ...]:

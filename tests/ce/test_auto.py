@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ce
-from ce.auto import stalled
+from ce.headway import stalled
 from tests.reference.problems import BETAS, LINEAR_2
 from tests.reference.variants import two_sided
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from ce.mixture import _headway
+from ce.headway import headway
 
 
 def test_the_base_is_not_ahead_of_itself():
     u = np.random.default_rng(1).standard_normal(4000)
-    assert _headway(-u, np.zeros(u.size), -2.0) == pytest.approx(0.0, abs=1e-12)
+    assert headway(-u, np.zeros(u.size), -2.0) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_shifted_proposal_is_ahead_by_what_its_weights_say():
@@ -21,10 +21,10 @@ def test_a_shifted_proposal_is_ahead_by_what_its_weights_say():
     p, second = ndtr(-b), math.exp(b * b) * ndtr(-2 * b)
     exact = math.log(p / second) / -math.log(p)
     assert 0.5 < exact < 1.0
-    assert _headway(-u, b * b / 2 - b * u, -b) == pytest.approx(exact, abs=0.01)
+    assert headway(-u, b * b / 2 - b * u, -b) == pytest.approx(exact, abs=0.01)
 
 
 @pytest.mark.parametrize("level", [math.inf, 0.5, -9.0], ids=["no level yet", "common", "nothing below it"])
 def test_a_level_that_tells_nothing_is_no_number(level: float):
     u = np.random.default_rng(3).standard_normal(1000)
-    assert math.isnan(_headway(-u, np.zeros(u.size), level))
+    assert math.isnan(headway(-u, np.zeros(u.size), level))
