@@ -20,7 +20,7 @@ from ce.normal import Normal
 from ce.product import Product
 from ce.white import White
 
-FORMAT = 2
+FORMAT = 3
 
 
 class Batch(msgspec.Struct, frozen=True, eq=False):
