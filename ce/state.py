@@ -243,14 +243,32 @@ def from_bytes(data: bytes, kind: type, digest: str) -> Any:
     try:
         state = msgspec.msgpack.decode(data, type=kind, dec_hook=_decode_array)
     except (msgspec.MsgspecError, KeyError, TypeError, ValueError) as error:
+        _refuse_other_formats(_format_of(data))
         raise StateError(f"these bytes are not a {kind.__name__}: {error}") from None
-    if state.format != FORMAT:
-        raise StateError(f"the state has format {state.format}, this version reads {FORMAT}")
+    _refuse_other_formats(state.format)
     if state.digest != digest:
         raise StateError(
             "the state belongs to another base distribution, gamma or options; give the same ones"
         )
     return state
+
+
+class _Format(msgspec.Struct):
+    """What every state of whatever version has."""
+
+    format: int
+
+
+def _format_of(data: bytes) -> int | None:
+    try:
+        return msgspec.msgpack.decode(data, type=_Format).format
+    except (msgspec.MsgspecError, ValueError):
+        return None
+
+
+def _refuse_other_formats(found: int | None) -> None:
+    if found not in (None, FORMAT):
+        raise StateError(f"the state has format {found}, this version reads {FORMAT}")
 
 
 def digest_of(base: Product, *rest: Any) -> str:

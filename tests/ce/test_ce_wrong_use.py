@@ -1,3 +1,4 @@
+import msgspec
 import numpy as np
 import pytest
 
@@ -42,6 +43,10 @@ def test_states_and_batches_of_another_problem_are_refused(method):
         one.from_bytes(b"junk")
     with pytest.raises(ce.StateError, match="not a"):
         one.from_bytes(ce.to_bytes(state)[:-3])
+    older = msgspec.msgpack.decode(ce.to_bytes(state)) | {"format": 1}
+    for fields in (older, {name: value for name, value in older.items() if name != "phase"}):
+        with pytest.raises(ce.StateError, match="format 1, this version reads"):
+            one.from_bytes(msgspec.msgpack.encode(fields))
     batch = one.propose(state)
     with pytest.raises(ce.StateError, match="does not answer"):
         one.update(one.init(1), batch, BETAS.f(batch.x))
