@@ -267,7 +267,7 @@ def _print(summaries: list[dict[str, Any]], compared: list[dict[str, Any]]) -> N
     for s in summaries:
         for warning in s["warnings"]:
             console.print(
-                f"[yellow]{s['method']}: {warning['name']}[/yellow]: {warning['message']} {warning['remedy']}"
+                f"[yellow]{s['method']}: {warning['name']}[/yellow]: {warning['message']}. Remedy: {warning['remedy']}"
             )
 
 

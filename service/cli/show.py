@@ -42,6 +42,6 @@ def command(job: str, gamma: float | None, confidence: float | None, client: Cli
         table.add_row(name, value)
     console.print(table)
     for warning in estimate.warnings:
-        console.print(f"[yellow]{warning.name}[/yellow]: {warning.message} {warning.remedy}")
+        console.print(f"[yellow]{warning.name}[/yellow]: {warning.message}. Remedy: {warning.remedy}")
     for worker, why in found.refusals.items():
         console.print(f"[yellow]worker {worker}[/yellow] cannot run it: {why}", highlight=False)
