@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import gammaincinv, ndtri
 
 from ce.interval import clopper_pearson
 
@@ -59,8 +59,6 @@ def efficiency_of_repeats(p: float, p_error: float, estimates: np.ndarray, rollo
     """Efficiency from the spread of repeated runs about the ground truth: p (1 - p) / rollouts over their mean squared
     error, bias and all. Chi-squared interval, widened for the error of p. Not known where the error is as large as p:
     always answering 0 would do as well."""
-    from scipy.stats import chi2
-
     n = estimates.size
     if n < 2 or not p > 0.0:
         return UNKNOWN
@@ -68,6 +66,27 @@ def efficiency_of_repeats(p: float, p_error: float, estimates: np.ndarray, rollo
     if error == 0.0 or error >= p**2:
         return UNKNOWN
     value = p * (1.0 - p) / rollouts / error
-    low, high = chi2.ppf([0.025, 0.975], n) / n
+    low, high = _chi_squared(n)
     spread = math.exp(Z * p_error)
-    return Ratio(value, value * float(low) / spread, value * float(high) * spread)
+    return Ratio(value, value * low / spread, value * high * spread)
+
+
+def efficiency_of_spread(estimates: np.ndarray, rollouts: float) -> Ratio:
+    """Efficiency from the spread of repeated runs about their own mean, for unbiased estimators where no better p is
+    known: many runs together, whose mean is the estimate. Chi-squared interval, widened for the error of the mean. Not
+    known where that error is as large as the mean."""
+    n = estimates.size
+    if n < 2 or not (p := float(estimates.mean())) > 0.0:
+        return UNKNOWN
+    error = float(estimates.var(ddof=1))
+    if error == 0.0 or error / n >= p**2:
+        return UNKNOWN
+    value = p * (1.0 - p) / rollouts / error
+    low, high = _chi_squared(n - 1)
+    spread = math.exp(Z * math.sqrt(error / n) / p)
+    return Ratio(value, value * low / spread, value * high * spread)
+
+
+def _chi_squared(n: int) -> tuple[float, float]:
+    """The 2.5% and 97.5% points of chi-squared with n degrees of freedom, over n."""
+    return 2.0 * gammaincinv(n / 2.0, 0.025) / n, 2.0 * gammaincinv(n / 2.0, 0.975) / n

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import binom
 
 from service.reproduce.local import Outcome
 from service.reproduce.plans import fine_gammas
@@ -13,6 +12,7 @@ from service.reproduce.ratios import (
     UNKNOWN,
     Ratio,
     efficiency_of_repeats,
+    efficiency_of_spread,
     ratio_of_rare_events,
     ratio_of_variances,
 )
@@ -23,6 +23,9 @@ FAR = 2.0  # standard errors
 LEAST_EFFECTIVE = (
     10.0  # events of equal weight that an estimate must be worth for its own variance to be compared
 )
+
+LEAST_KNOWN = 10  # events of the ground truth, below which runs are held against their own mean
+UNBIASED = ("splitting", "naive")
 
 
 class Table(NamedTuple):
@@ -74,8 +77,11 @@ def pooled(outcome: Outcome, results: Sequence[Result], which: int) -> dict[str,
     known = all(x.ess is not None and x.ess >= LEAST_EFFECTIVE for x in readings)
     estimates = np.array([np.nan if x.p is None else x.p for x in readings])
     spread = UNKNOWN
-    if np.isfinite(estimates).all() and k:
-        spread = efficiency_of_repeats(p, p_error, estimates, float(np.mean([r.rollouts for r in results])))
+    rollouts = float(np.mean([r.rollouts for r in results]))
+    if np.isfinite(estimates).all() and k >= LEAST_KNOWN:
+        spread = efficiency_of_repeats(p, p_error, estimates, rollouts)
+    elif np.isfinite(estimates).all() and all(r.method in UNBIASED for r in results):
+        spread = efficiency_of_spread(estimates, rollouts)
     return {
         "events": events,
         "variances": _mean(apart) if known else UNKNOWN,
@@ -119,6 +125,8 @@ def estimates_table(outcome: Outcome) -> Table:
 def thresholds_table(outcome: Outcome) -> Table:
     """Where the rare events are: the threshold at which p is each power of ten, to FINE_S, with an interval by the
     binomial count of values below a quantile."""
+    from scipy.stats import binom  # slow to import, and for this page alone
+
     gammas = fine_gammas()
     n, events = outcome.truth.rollouts, outcome.truth.at(gammas)["events"]
     rows = []
@@ -146,6 +154,25 @@ def far_from_truth(outcome: Outcome, reading: Reading) -> bool | None:
         return None
     joint = math.hypot(float(truth["std_error"][0]), reading.std_error)
     return abs(reading.p - float(truth["p"][0])) > FAR * joint
+
+
+def together_table(outcome: Outcome) -> Table:
+    """The repeats of each series as one estimate."""
+    gammas = outcome.plan.gammas
+    rows = []
+    for name, results in series_of(outcome).items():
+        cells = []
+        for i in range(len(gammas)):
+            p = np.array([np.nan if r.readings[i].p is None else r.readings[i].p for r in results])
+            cells.append(_with_error(float(p.mean()), float(p.std(ddof=1)) / math.sqrt(p.size)))
+        rows.append((name, count(sum(r.rollouts for r in results)), *cells))
+    truth = outcome.truth.at(gammas)
+    rows.append(("naive Monte Carlo (ground truth)", count(outcome.truth.rollouts),
+                 *(_with_error(p, s) for p, s in zip(truth["p"], truth["std_error"], strict=True))))  # fmt: skip
+    head = ("", "rollouts", *(f"γ = {g:g} s" for g in gammas))
+    return Table(
+        "Repeats together, ± standard error from their spread", head, tuple(rows), "Mean of the runs."
+    )
 
 
 def ratios_table(outcome: Outcome, key: str, title: str, note: str) -> Table:
@@ -192,7 +219,8 @@ EFFICIENCY_NOTE = (
 )
 REPEATS_NOTE = (
     "Variance of naive Monte Carlo with as many rollouts in all over the mean squared error of repeated runs about the "
-    "ground truth: what a run of this method is worth, whatever it says of itself."
+    "ground truth: what a run of this method is worth, whatever it says of itself. Where the ground truth has fewer "
+    f"than {LEAST_KNOWN} events, for unbiased methods: about the mean of the runs, which then counts as one estimate."
 )
 EVENTS_NOTE = "Events a rollout under the proposal over events a rollout under P0."
 
@@ -208,6 +236,7 @@ def tables_of(outcome: Outcome) -> list[Table]:
         ratios_table(outcome, "efficiency", "Efficiency, training counted", EFFICIENCY_NOTE),
     ]
     if any(len(results) > 1 for results in series_of(outcome).values()):
+        found.append(together_table(outcome))
         found.append(
             ratios_table(outcome, "repeats", "Efficiency by repeated runs, training counted", REPEATS_NOTE)
         )

@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 
 import ce
-from service.reproduce.ratios import efficiency_of_repeats, ratio_of_rare_events, ratio_of_variances
+from service.reproduce.ratios import (
+    efficiency_of_repeats,
+    efficiency_of_spread,
+    ratio_of_rare_events,
+    ratio_of_variances,
+)
 from service.reproduce.results import variance_error
 
 
@@ -56,6 +61,19 @@ def test_repeats_tell_what_a_method_is_worth_bias_and_all():
     assert math.isnan(efficiency_of_repeats(p, 0.0, np.zeros(20), rollouts).value)
     few = [efficiency_of_repeats(p, 0.0, part, rollouts) for part in honest.reshape(80, 5)]
     assert np.mean([r.low <= 8.0 <= r.high for r in few]) >= 0.9
+
+
+def test_many_wide_runs_together_are_worth_what_their_mean_is():
+    draws = np.random.default_rng(4)
+    p, rollouts = 1e-6, 20_000
+    runs = p * draws.gamma(0.5, 2.0, size=(200, 20))  # unbiased, each off by 140%
+    exact = p / rollouts / (2.0 * p**2)
+    found = [efficiency_of_spread(part, rollouts) for part in runs]
+    assert np.median([r.value for r in found]) == pytest.approx(exact, rel=0.3)
+    assert np.mean([r.low <= exact <= r.high for r in found]) >= 0.9
+    assert math.isnan(efficiency_of_spread(runs[0, :1], rollouts).value)
+    assert math.isnan(efficiency_of_spread(np.array([0.0, 0.0, 0.0]), rollouts).value)
+    assert math.isnan(efficiency_of_spread(np.array([0.0, 0.0, 1e-6]), rollouts).value)  # of one run
 
 
 def test_an_estimate_s_own_variance_has_an_error_of_its_own():
