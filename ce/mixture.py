@@ -270,8 +270,8 @@ class MixtureSampling(ImportanceSampling):
     def _with_fit(
         self, state: MixtureState, fits: tuple[Part, ...], log_w: Array, first: bool = False
     ) -> MixtureState:
-        """The state with a proposal made of the last fits, what the look found (first: just now, in few enough dimensions
-        that its rows will tell where f falls, or brought back to there just now), and the base."""
+        """The state with a proposal made of the last fits, what the look found (first: just now, in few enough
+        dimensions that its rows will tell where f falls, or brought back to there just now), and the base."""
         o = self.options
         poor = effective_sample_size(log_w) < LEAST_ELITES
         share = FOUND_FIRST if first or poor else FOUND_SHARE
