@@ -186,21 +186,32 @@ def ratios_table(outcome: Outcome, key: str, title: str, note: str) -> Table:
     return Table(title, ("", *(f"γ = {g:g} s" for g in gammas)), tuple(rows), note)
 
 
+def holds_truth(outcome: Outcome, reading: Reading) -> bool | None:
+    """Whether an estimate's interval holds the ground truth; None where that has too few events to say."""
+    truth = outcome.truth.at([reading.gamma])
+    if truth["events"][0] < LEAST_KNOWN or reading.low is None or reading.high is None:
+        return None
+    return reading.low <= float(truth["p"][0]) <= reading.high
+
+
 def warnings_table(outcome: Outcome) -> Table:
     """What the runs say of themselves."""
     rows = []
     for name, results in series_of(outcome).items():
         far = [far_from_truth(outcome, reading) for r in results for reading in r.readings]
         known = [v for v in far if v is not None]
+        held = [holds_truth(outcome, reading) for r in results for reading in r.readings]
+        told = [v for v in held if v is not None]
         names = sorted({w for r in results for w in r.warnings})
-        rows.append((name, str(len(results)), f"{sum(known)} of {len(known)}",
+        rows.append((name, str(len(results)), f"{sum(known)} of {len(known)}", f"{sum(told)} of {len(told)}",
                      number(max(r.max_weight_share for r in results)), ", ".join(names) or "none"))  # fmt: skip
     return Table(
         "What the runs say of themselves",
-        ("", "runs", f"estimates more than {FAR:g} standard errors from the ground truth", "largest weight's share",
-         "warnings"),
+        ("", "runs", f"estimates more than {FAR:g} standard errors from the ground truth", "95% intervals that hold it",
+         "largest weight's share", "warnings"),
         tuple(rows),
-        "Estimates at all thresholds are counted, where the ground truth has events.",
+        "Estimates at all thresholds are counted, where the ground truth has events; intervals where it has "
+        f"{LEAST_KNOWN} of them.",
     )  # fmt: skip
 
 
