@@ -217,8 +217,8 @@ def taken_over(done: Runs, problem: Problem, method: str, budget: int, seed: int
 
 def renewed(path: Path, methods: list[str], show: Callable[[str], None]) -> None:
     """Lines of an earlier version get today's digest where runs made again are the same to the bit: the last of each
-    problem below LARGE dimensions and of the first above. For changes that were not to change a result. Of several lines
-    of one run the last counts."""
+    problem below LARGE dimensions and of the first above. For changes that were not to change a result. Of several
+    lines of one run the last counts."""
     today = {method: version(method) for method in methods}
     every = [json.loads(line) for line in path.read_text().splitlines()]
     lines = list({(r["problem"], r["method"], r["budget"], r["seed"]): r for r in every}.values())
