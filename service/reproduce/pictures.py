@@ -16,12 +16,15 @@ WHAT = {
     "events": "ratio of rare events",
     "variances": "ratio of variances, training left out",
     "efficiency": "efficiency, training counted",
+    "repeats": "efficiency by repeated runs, training counted",
 }
 
 
 def pictures_of(outcome: Outcome) -> list[tuple[str, Picture]]:
-    """File names and pictures: the paper's figure (both panels, and with training counted), and p against gamma."""
-    ratios = WHAT if outcome.results else ()
+    """File names and pictures: the paper's figure (both panels, and with training counted), what repeated runs are
+    worth where there are any, and p against gamma."""
+    repeated = any(len(results) > 1 for results in series_of(outcome).values())
+    ratios = [key for key in WHAT if key != "repeats" or repeated] if outcome.results else []
     return [(f"{key}.svg", ratio_picture(outcome, key)) for key in ratios] + [("p.svg", p_picture(outcome))]
 
 
