@@ -16,7 +16,7 @@ WHAT = {
     "events": "ratio of rare events",
     "variances": "ratio of variances, training left out",
     "efficiency": "efficiency, training counted",
-    "repeats": "efficiency by repeated runs, training counted",
+    "repeats": "efficiency by repeated runs",
 }
 
 
