@@ -17,10 +17,15 @@ from service.errors import EgoError
 
 DEADLINE_S = 60.0  # what is measured is the policy, not how busy this machine is
 
+END_S = 10.0  # that it has to end by itself
+
 _CODE = """
 import sys
+import threading
 from policies.egos import load_ego
+from service.cli.parent import end_with
 from service.egos.sdk import serve
+threading.Thread(target=end_with, args=(int(sys.argv[3]),), daemon=True).start()
 serve(lambda: load_ego("idm"), sys.argv[1], listen=sys.argv[2])
 """
 
@@ -32,7 +37,7 @@ def black_box(name: str) -> Iterator[None]:
         probe.bind(("127.0.0.1", 0))
         address = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
     process = subprocess.Popen(
-        [sys.executable, "-c", _CODE, name, address], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", _CODE, name, address, str(os.getpid())], stdout=subprocess.PIPE, text=True
     )
     settings = EgoSettings(address, deadline_s=DEADLINE_S, patience_s=DEADLINE_S).as_environment()
     before = {name: os.environ.get(name) for name in settings}
@@ -49,4 +54,8 @@ def black_box(name: str) -> Iterator[None]:
             else:
                 os.environ[name] = value
         process.terminate()
-        process.wait()
+        try:
+            process.wait(END_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
