@@ -62,10 +62,10 @@ def command(
     There is no log-in: whoever reaches the address may use it, so it is this machine alone unless told otherwise. From
     elsewhere go through an SSH tunnel, or a proxy that asks who is there. The service may start and end meanwhile.
     """
-    from service.cli.parent import end_with
     from service.client import Client
     from service.dashboard.server import Dashboard
     from service.logs import log_to_stderr
+    from service.parent import end_with
 
     log_to_stderr(False)
     host, port = address

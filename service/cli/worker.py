@@ -11,7 +11,7 @@ from contextlib import suppress
 import click
 
 from service.cli.options import core_count
-from service.cli.parent import end_with
+from service.parent import end_with
 
 NAME_LETTERS = set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_")
 DRAIN_HINT = "finishing what is being run; once more to stop at once"

@@ -29,8 +29,7 @@ class Link:
     def __init__(self, client: Client, changed: Callable[[bool], None] = lambda here: None):
         self._client, self._changed = client, changed
         self._pool = ThreadPoolExecutor(THREADS, thread_name_prefix="dashboard-asks")
-        self._known: OrderedDict[Hashable, tuple[float, asyncio.Future[Any]]] = OrderedDict()
-        self._passing: set[Hashable] = set()
+        self._known: OrderedDict[Hashable, tuple[float, bool, asyncio.Future[Any]]] = OrderedDict()
         self._stopping = threading.Event()
         self._look_now = threading.Event()
         self._here: bool | None = None
@@ -58,12 +57,10 @@ class Link:
             raise NoAnswer(self._reason)
         key = self._began, key
         now = time.monotonic()
-        until, known = self._known.get(key, (0.0, None))
+        until, _, known = self._known.get(key, (0.0, True, None))
         if known is None or now >= until or (known.done() and known.exception() is not None):
             known = asyncio.get_running_loop().run_in_executor(self._pool, self._asked, ask)
-            self._known[key] = now + keep_s, known
-            if keep_s <= MOMENT_S:
-                self._passing.add(key)
+            self._known[key] = now + keep_s, keep_s <= MOMENT_S, known
             known.add_done_callback(lambda future: future.exception())  # told to whoever awaits it
             self._drop()
         self._known.move_to_end(key)
@@ -84,9 +81,8 @@ class Link:
 
     def forget_passing(self) -> None:
         """Something has changed: what was to be remembered for a moment only is not, even while it is being asked."""
-        for key in self._passing:
-            self._known.pop(key, None)
-        self._passing.clear()
+        for key in [key for key, (_, passing, _) in self._known.items() if passing]:
+            del self._known[key]
 
     def _asked(self, ask: Callable[[Client], T]) -> T:
         try:
@@ -97,8 +93,7 @@ class Link:
 
     def _drop(self) -> None:
         while len(self._known) > KEPT:
-            key, _ = self._known.popitem(last=False)
-            self._passing.discard(key)
+            self._known.popitem(last=False)
 
     def _watch(self) -> None:
         while not self._stopping.is_set():

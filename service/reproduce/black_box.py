@@ -23,7 +23,7 @@ _CODE = """
 import sys
 import threading
 from policies.egos import load_ego
-from service.cli.parent import end_with
+from service.parent import end_with
 from service.egos.sdk import serve
 threading.Thread(target=end_with, args=(int(sys.argv[3]),), daemon=True).start()
 serve(lambda: load_ego("idm"), sys.argv[1], listen=sys.argv[2])

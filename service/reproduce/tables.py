@@ -109,9 +109,8 @@ def estimates_table(outcome: Outcome) -> Table:
         name = f"{result.run.series}, seed {result.run.seed}{mark}"
         rows.append((name, f"{count(result.training)} + {count(result.estimation)}",
                      *(_with_error(r.p, r.std_error) for r in result.readings)))  # fmt: skip
+    rows.append(_truth_row(outcome, f"0 + {count(outcome.truth.rollouts)}"))
     truth = outcome.truth.at(gammas)
-    rows.append(("naive Monte Carlo (ground truth)", f"0 + {count(outcome.truth.rollouts)}",
-                 *(_with_error(p, s) for p, s in zip(truth["p"], truth["std_error"], strict=True))))  # fmt: skip
     ends = zip(truth["low"], truth["high"], strict=True)
     rows.append(("its 95% interval", "", *(f"{number(a)} to {number(b)}" for a, b in ends)))
     return Table(
@@ -143,6 +142,12 @@ def thresholds_table(outcome: Outcome) -> Table:
     )
 
 
+def _truth_row(outcome: Outcome, rollouts: str) -> tuple[str, ...]:
+    truth = outcome.truth.at(outcome.plan.gammas)
+    cells = (_with_error(p, s) for p, s in zip(truth["p"], truth["std_error"], strict=True))
+    return ("naive Monte Carlo (ground truth)", rollouts, *cells)
+
+
 def _with_error(p: float | None, std_error: float | None) -> str:
     return f"{number(p)} ± {number(std_error)}"
 
@@ -166,9 +171,7 @@ def together_table(outcome: Outcome) -> Table:
             p = np.array([np.nan if r.readings[i].p is None else r.readings[i].p for r in results])
             cells.append(_with_error(float(p.mean()), float(p.std(ddof=1)) / math.sqrt(p.size)))
         rows.append((name, count(sum(r.rollouts for r in results)), *cells))
-    truth = outcome.truth.at(gammas)
-    rows.append(("naive Monte Carlo (ground truth)", count(outcome.truth.rollouts),
-                 *(_with_error(p, s) for p, s in zip(truth["p"], truth["std_error"], strict=True))))  # fmt: skip
+    rows.append(_truth_row(outcome, count(outcome.truth.rollouts)))
     head = ("", "rollouts", *(f"γ = {g:g} s" for g in gammas))
     return Table(
         "Repeats together, ± standard error from their spread", head, tuple(rows), "Mean of the runs."
