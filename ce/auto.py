@@ -2,7 +2,7 @@
 
     search    mixture sampling from the whole budget; its first iteration is a pilot from the base
               -> naive where at least COMMON of the pilot are events
-              -> splitting where the last batch of the search holds no event
+              -> splitting where the last batch of the search holds no event and was hardly ahead of the base
               -> splitting (naive where the event is common enough for that) where after a fifth of the budget, and
                  after the look where one comes early, the proposals are still hardly ahead of the base, each at the
                  level it was fitted to
@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from ce.checks import at_least, in_range
 from ce.errors import BudgetError, StateError
-from ce.headway import stalled
+from ce.headway import led, stalled
 from ce.mixture import MixtureOptions, MixtureSampling
 from ce.naive import Naive, NaiveOptions
 from ce.posed import Posed
@@ -193,6 +193,8 @@ class Auto(Posed):
             return state
         if within.f.size == 0:
             if last.events == 0:
+                if led(within.headway):
+                    return state  # what is fitted to a level just short of gamma may well reach it: the trial tells
                 return self._rare(state, est, 0.0, left, "the search found no events")
             # What the last batch of the search was worth; an elite, at most one rollout of what is fitted to it.
             promised = within.worths[-1] if within.worths else last.ess / est.rollouts

@@ -15,7 +15,7 @@ TELLING = 0.15  # probability of a level, above which no proposal can be far ahe
 STALLED_FROM = 0.2
 HEADWAY = 0.4  # not as far ahead as this
 RISING = 0.1  # and do not rise by this from one to the other,
-LOOKED = 0.3  # or the first batch after the look is not as far ahead as this.
+LOOKED = 0.3  # or it was held up before the look, and the first batch after it is not as far ahead as this.
 
 Array = NDArray[np.float64]
 
@@ -38,6 +38,12 @@ def stalled(ahead: Sequence[float], spent: float, since_look: int | None = None)
     if spent < STALLED_FROM or len(ahead) < 2 or since_look == 0:
         return False
     before, last = ahead[-2:]
-    if since_look == 1:
-        return last < LOOKED
+    if since_look == 1:  # where it was well ahead before, what the look has added is soon weeded out
+        return last < LOOKED and not before >= HEADWAY
     return max(before, last) < HEADWAY and last < before + RISING  # never where one is NaN
+
+
+def led(ahead: Sequence[float]) -> bool:
+    """Whether the last proposal that tells is well ahead of the base, as `stalled` judges it."""
+    told = [h for h in ahead if not math.isnan(h)]
+    return bool(told) and told[-1] >= HEADWAY

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from ce.headway import headway
+from ce.headway import headway, led, stalled
 
 
 def test_the_base_is_not_ahead_of_itself():
@@ -28,3 +28,45 @@ def test_a_shifted_proposal_is_ahead_by_what_its_weights_say():
 def test_a_level_that_tells_nothing_is_no_number(level: float):
     u = np.random.default_rng(3).standard_normal(1000)
     assert math.isnan(headway(-u, np.zeros(u.size), level))
+
+
+NAN = math.nan
+
+
+@pytest.mark.parametrize(
+    ("ahead", "spent", "since_look", "left"),
+    [
+        ((NAN, 0.2, 0.25), 0.3, None, True),
+        ((NAN, 0.2, 0.25), 0.15, None, False),
+        ((NAN, 0.2, 0.35), 0.3, None, False),
+        ((NAN, 0.2, 0.45), 0.3, None, False),
+        ((NAN, 0.5, 0.1), 0.3, None, False),
+        ((NAN, NAN, 0.2), 0.3, None, False),
+        ((0.1, NAN), 0.3, None, False),
+        ((0.2,), 0.3, None, False),
+        ((NAN, 0.2, 0.25), 0.3, 0, False),
+        ((0.2, 0.25, 0.25), 0.3, 1, True),
+        ((0.2, 0.25, 0.35), 0.3, 1, False),
+        ((0.7, 0.75, 0.15), 0.3, 1, False),
+        ((NAN, NAN, 0.15), 0.3, 1, True),
+        ((0.1, NAN), 0.3, 1, False),
+        ((0.75, 0.2, 0.25), 0.3, 2, True),
+    ],
+    ids=[
+        "hardly ahead", "early", "rising", "ahead", "one poor batch after a good one",
+        "nothing before", "a level that tells nothing", "one batch", "the look is awaited", "not helped by the look",
+        "helped by it", "well ahead before the look", "nothing before the look", "after the look, nothing",
+        "the batch after",
+    ],
+)  # fmt: skip
+def test_when_a_search_is_held_to_have_stalled(
+    ahead: tuple[float, ...], spent: float, since_look: int | None, left: bool
+):
+    assert stalled(ahead, spent, since_look) is left
+
+
+@pytest.mark.parametrize(
+    ("ahead", "yes"), [((), False), ((NAN, NAN), False), ((0.2, 0.8, NAN), True), ((0.8, 0.2), False)]
+)
+def test_a_search_leads_where_the_last_batch_that_tells_is_well_ahead(ahead: tuple[float, ...], yes: bool):
+    assert led(ahead) is yes
