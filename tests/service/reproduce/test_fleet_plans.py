@@ -15,7 +15,7 @@ from service.reproduce.page import page_of, write_page
 from service.reproduce.plans import plans_of
 from service.scenario import load_scenario
 
-P = {"naive": 0.002, "ce": 0.003}
+P = {"naive": 0.002, "ce": 0.003, "splitting": 0.001}
 
 
 class Service:
@@ -73,7 +73,7 @@ def test_jobs_are_submitted_once_and_their_results_make_the_page(tmp_path):
     assert len(service.jobs) == 1 + len(plan.runs)
     events = round(P["naive"] * plan.truth.rollouts)
     assert outcome.truth.at(plan.gammas)["events"].tolist() == [events] * len(plan.gammas)
-    assert {r.readings[0].p for r in outcome.results} == {0.003}
+    assert {r.run.method: r.readings[0].p for r in outcome.results} == {"ce": 0.003, "splitting": 0.001}
     again = carry_out_on(service, plan, Watch())
     assert len(service.jobs) == 1 + len(plan.runs)
     assert again.results == outcome.results
@@ -93,7 +93,6 @@ def test_a_ground_truth_alone_tells_its_quantiles(tmp_path):
 def test_searched_noise_is_sent_by_value_and_can_be_run():
     (plan,) = plans_of("beyond", "smoke")
     service = Service()
-    P["splitting"] = 0.001
     carry_out_on(service, plan, Watch())
     sent = [job.scenario for job in service.jobs if isinstance(job.scenario, dict)]
     assert sent
