@@ -162,10 +162,12 @@ def far_from_truth(outcome: Outcome, reading: Reading) -> bool | None:
 
 
 def together_table(outcome: Outcome) -> Table:
-    """The repeats of each series as one estimate."""
+    """The repeats of each series as one estimate; a series of a single run has none."""
     gammas = outcome.plan.gammas
     rows = []
     for name, results in series_of(outcome).items():
+        if len(results) < 2:
+            continue
         cells = []
         for i in range(len(gammas)):
             p = np.array([np.nan if r.readings[i].p is None else r.readings[i].p for r in results])

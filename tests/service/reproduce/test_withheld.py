@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -56,6 +57,18 @@ def test_a_variance_of_hardly_any_effective_events_is_compared_with_nothing(ess,
         assert row[0] == "tried *"
         assert (row[1] == "–") == withheld
     assert tables["Ratio of rare events to naive Monte Carlo"].rows[0][1] != "–"
+
+
+def test_a_single_run_has_no_spread_beside_a_series_that_was_repeated():
+    tried = outcome(LEAST_EFFECTIVE)
+    (result,) = tried.results
+    once = msgspec.structs.replace(result, run=msgspec.structs.replace(RUN, series="once"))
+    again = msgspec.structs.replace(result, run=msgspec.structs.replace(RUN, seed=2))
+    tables = {table.title: table for table in tables_of(replace(tried, results=(result, again, once)))}
+    together = tables["Repeats together, ± standard error from their spread"].rows
+    assert [row[0] for row in together] == ["tried", "naive Monte Carlo (ground truth)"]
+    assert not any("nan" in cell for row in together for cell in row)
+    assert tables["Efficiency by repeated runs, training counted"].rows[1][1] == "–"
 
 
 def test_thresholds_are_order_statistics_as_far_as_the_ground_truth_goes():
