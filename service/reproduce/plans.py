@@ -8,11 +8,11 @@ from typing import Any
 
 import msgspec
 
+from ce.splitting import LEAST_BUDGET
 from service.errors import InputError
 from service.reproduce.sizes import (
     BEYOND,
     BLACK_BOX_PART,
-    LEAST_BUDGET,
     LIDAR,
     SCALES,
     VISION,

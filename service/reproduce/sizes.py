@@ -70,7 +70,7 @@ BEYOND = {
 }
 # Other worlds: most rollouts in SUMO, a tenth of a second or more of each over 2 km. The black box is asked each step,
 # which takes several times as long: it has a part of the rollouts, and one seed.
-BLACK_BOX_PART, LEAST_BUDGET = 0.2, 1000
+BLACK_BOX_PART = 0.2
 WORLDS = {
     "smoke": Ours(40, (), (), 1, 1000),
     "small": Ours(300, (), (), 1, 1000),
