@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 
@@ -105,12 +103,6 @@ def test_lane_at_finds_the_lane_whose_centre_is_given(i80):
     assert i80.lane_at(10.0, 30.0) == -1
     assert np.isnan(i80.lane_center(6, 10.0))
     assert i80.lane_width(0, 10.5) == pytest.approx(3.66, abs=1e-3)
-
-
-def test_loading_is_fast(i80):
-    begin = time.process_time()
-    load_corridor("i80")
-    assert time.process_time() - begin < 0.3
 
 
 def test_a_straight_network_of_a_users(straight):
