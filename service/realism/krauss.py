@@ -8,7 +8,7 @@ import numpy as np
 
 from policies.data.scenes import Scene
 from policies.realism.driven import Driven, driven_scene
-from service.sim.sumo import SumoTraffic
+from service.realism.sumo_traffic import SumoTraffic
 from sumo_nets.corridor import Corridor
 
 STATION_M = 836.0  # where the scene's first metre lies: from here on the network has the ramp's lane, too

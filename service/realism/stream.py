@@ -21,11 +21,11 @@ from policies.network import forward, sample_action
 from policies.realism.statistics import rounded
 from service import agents as A
 from service.realism.drive import BEAMS, NETWORK, NOBODY, Model, idm_mobil_step
+from service.realism.sumo_traffic import SumoTraffic
 from service.sim.dynamics import advance
 from service.sim.projection import place
 from service.sim.road import road_of
 from service.sim.step import NO_EGO, observe
-from service.sim.sumo import SumoTraffic
 from sumo_nets.corridor import Corridor
 
 FIELDS = "macroscopic/avila_i80_fields_4pm_5pm.parquet"

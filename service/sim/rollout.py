@@ -17,7 +17,8 @@ from service.scenario.base import searched_noise, unpack
 from service.scenario.schema import Scenario
 from service.sim import step
 from service.sim.road import road_of
-from service.sim.sumo import BackgroundTraffic, SumoSession
+from service.sim.sumo import SumoSession
+from service.sim.sumo_background import BackgroundTraffic
 from service.sim.world import DriverNetwork, World, action_noise
 from sumo_nets.corridor import Corridor
 

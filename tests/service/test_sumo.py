@@ -269,7 +269,7 @@ def test_the_lidar_sees_background_vehicles(traffic):
 
 
 def test_more_background_vehicles_than_rows_is_an_error_that_says_what_to_do(i80):
-    from service.sim.sumo import BackgroundTraffic
+    from service.sim.sumo_background import BackgroundTraffic
 
     traffic = BackgroundTraffic(30.0, 15.0, 80.0, 120.0, 20.0)
     with SumoSession(i80, ["a"], [(4.5, 1.8)], 0.1, background=traffic) as session:
@@ -294,4 +294,4 @@ def test_libsumo_is_imported_in_one_file_only():
             for line in path.read_text(encoding="utf-8").splitlines()
         )
     ]
-    assert importers == ["service/sim/sumo.py"]
+    assert importers == ["service/sim/sumo_library.py"]
