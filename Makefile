@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate test check bench bench-camera calibration guides faults bench-fleet fuzz foreign-clients drivers ego-vision schema example-ego format clean
+.PHONY: help estimate test check bench bench-camera calibration calibration-peers guides faults bench-fleet fuzz foreign-clients drivers ego-vision schema example-ego format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
@@ -13,6 +13,7 @@ help:
 	@echo "make bench      measure the world's speed beside the bare SUMO loop"
 	@echo "make bench-camera  what a picture, the vision network and egos elsewhere cost (minutes)"
 	@echo "make calibration  run every estimator on problems with known answers (an hour or more)"
+	@echo "make calibration-peers  other libraries on the same problems (an hour)"
 	@echo "make guides    follow the guides for newcomers word by word (minutes)"
 	@echo "make faults     kill workers and scheduler many times, play long random fleets (half an hour or more)"
 	@echo "make bench-fleet  what the scheduler costs with 200 workers and over a million rollouts"
@@ -67,9 +68,18 @@ bench-fleet: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.bench.fleet_scale efficiency
 
 # Every method on every problem with a known answer over 200 seeds: hours where no run is kept; goes on where it was
-# interrupted. OpenTURNS beside them: pip install -e '.[peers]', then --method ot-ce ot-nais ot-subset.
+# interrupted.
 calibration: $(VENV)/.installed-dev
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench.ce_calibration --keep
+	$(BIN)/python -m tests.bench.ce_which_method
+
+# OpenTURNS and UQpy on the same problems. UQpy wants an older NumPy: an environment of its own, with what `ce` needs.
+calibration-peers: $(VENV)/.installed-dev
+	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[peers]'
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench.ce_calibration --method ot-ce ot-nais ot-subset --seeds 30 --seeds-large 0 --keep
+	$(PYTHON) -m venv build/uqpy
+	build/uqpy/bin/python -m pip install -q --disable-pip-version-check UQpy==4.2.1 msgspec
+	OPENBLAS_NUM_THREADS=1 build/uqpy/bin/python -W ignore -m tests.bench.ce_calibration --method uqpy-subset --seeds 50 --seeds-large 0 --keep
 	$(BIN)/python -m tests.bench.ce_which_method
 
 # Everything in policies/weights, in this order: the ego drives among the drivers, the thresholds are theirs and its.

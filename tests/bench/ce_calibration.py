@@ -11,9 +11,10 @@ hundred dimensions and more (as --seeds, if not given). Problem number j has see
 normals depend on the seed alone, so with the same seeds a lucky one would be lucky in every row. A run of `mixture`
 is that of `auto` with the same seed where `auto` has stayed with it, and is then taken from there.
 
-Where OpenTURNS is installed (`pip install -e '.[peers]'`), its cross-entropy, NAIS and subset sampling are run on the
-same problems with --method ot-ce, ot-nais, ot-subset. Not all of these end: a run has TIME_LIMIT_S of processor time
-and CALL_LIMIT times the budget, and after HOPELESS runs in a row that hit a limit or crash the rest is left out.
+Other libraries on the same problems (`make calibration-peers`): OpenTURNS with its cross-entropy, NAIS and subset
+sampling (--method ot-ce, ot-nais, ot-subset), UQpy with its subset simulation (uqpy-subset), each as its manual has it.
+Not all of these end: a run has TIME_LIMIT_S of processor time and CALL_LIMIT times the budget, and after HOPELESS runs
+in a row that hit a limit or crash the rest is left out.
 
 Columns: runs, and in brackets those that did not end or crashed, which no other column counts; calls of f; relative
 bias and root-mean-square error; share of intervals that hold p, of all runs; share that hold it or carry a warning;
@@ -38,7 +39,7 @@ import numpy as np
 
 import ce
 from ce.run import KINDS
-from tests.bench.ce_peers import OPENTURNS, openturns
+from tests.bench.ce_peers import PEERS, peer, peer_version
 from tests.reference import traffic
 from tests.reference.problems import ALL, Problem
 from tests.reference.variants import two_sided
@@ -68,10 +69,8 @@ Runs = dict[Key, list[dict[str, Any]]]
 def version(method: str) -> str:
     """Digest of the sources behind a method: the modules of `ce` that its own imports, without docstrings, comments and
     longer texts."""
-    if method in OPENTURNS:
-        import openturns
-
-        return f"openturns {openturns.__version__}"
+    if method in PEERS:
+        return peer_version(method)
     seen: set[str] = set()
     todo = [KINDS[method][0].__module__]
     digest = hashlib.sha256()
@@ -99,8 +98,8 @@ def _source(module: str) -> ast.Module:
 
 def run(problem: Problem, method: str, budget: int, seed: int) -> dict[str, Any]:
     """One run as a flat record; `ended` says why there is no p."""
-    if method in OPENTURNS:
-        return openturns(problem, method, budget, seed, CALL_LIMIT * budget)
+    if method in PEERS:
+        return peer(problem, method, budget, seed, CALL_LIMIT * budget)
     est = ce.estimate(problem.f, problem.base, problem.gamma, method, budget=budget, seed=seed)
     warned = sorted(w.name for w in est.warnings)
     low, high = est.ci
@@ -109,7 +108,7 @@ def run(problem: Problem, method: str, budget: int, seed: int) -> dict[str, Any]
 
 def limited(problem: Problem, method: str, budget: int, seed: int) -> dict[str, Any]:
     """`run`, ended by the clock or an error of a peer's, which the record then says."""
-    if method not in OPENTURNS:
+    if method not in PEERS:
         return run(problem, method, budget, seed)
 
     def stop(*_: object) -> None:
@@ -157,7 +156,7 @@ def table(done: Runs) -> str:
         "# Calibration of `ce`",
         "",
         "Written by `make calibration` (`tests/bench/ce_calibration.py`, which explains the columns and goes on where",
-        "it was interrupted: rows with fewer runs than others are not finished). `ot-*`: OpenTURNS by the same script.",
+        "it was interrupted: rows with fewer runs than others are not finished). `ot-*`, `uqpy-*`: OpenTURNS, UQpy.",
         f"Versions: {', '.join(sorted(_versions(done)))}.",
         "",
         f"| {' | '.join(COLUMNS)} |",

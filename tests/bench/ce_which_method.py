@@ -18,7 +18,7 @@ from tests.bench.ce_calibration import KEPT, PROBLEMS, Runs, read
 from tests.reference.problems import Problem
 
 BEGIN, END = "<!-- which method: begin -->", "<!-- which method: end -->"
-COLUMNS = ("auto", "mixture", "splitting", "ce", "naive", "ot-nais", "ot-ce", "ot-subset")
+COLUMNS = ("auto", "mixture", "splitting", "ce", "naive", "ot-nais", "ot-ce", "ot-subset", "uqpy-subset")
 BUDGET = 20_000
 README = Path(__file__).parents[2] / "ce" / "README.md"
 
