@@ -212,11 +212,11 @@ def warnings_table(outcome: Outcome) -> Table:
                      number(max(r.max_weight_share for r in results)), ", ".join(names) or "none"))  # fmt: skip
     return Table(
         "What the runs say of themselves",
-        ("", "runs", f"estimates more than {FAR:g} standard errors from the ground truth", "95% intervals that hold it",
-         "largest weight's share", "warnings"),
+        ("", "runs", f"estimates more than {FAR:g} joint standard errors from the ground truth",
+         "95% intervals that hold it", "largest weight's share", "warnings"),
         tuple(rows),
         "Estimates at all thresholds are counted, where the ground truth has events; intervals where it has "
-        f"{LEAST_KNOWN} of them.",
+        f"{LEAST_KNOWN} of them. Joint: of the estimate and of the ground truth.",
     )  # fmt: skip
 
 
