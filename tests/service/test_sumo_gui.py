@@ -11,7 +11,7 @@ import pytest
 import ce
 from service.errors import SimulationError
 from service.job import Problem, make_job
-from service.sim import sumo
+from service.sim import sumo_library
 
 
 @pytest.fixture
@@ -26,8 +26,8 @@ def test_without_a_screen_or_a_gui_it_says_so(problem, monkeypatch):
         monkeypatch.delenv(variable, raising=False)
     with pytest.raises(SimulationError, match="needs a screen, and DISPLAY names none"):
         problem.simulator(gui=True)
-    monkeypatch.setattr(sumo.shutil, "which", lambda name: None)
-    monkeypatch.setattr(sumo.sys, "executable", "/nowhere/python")
+    monkeypatch.setattr(sumo_library.shutil, "which", lambda name: None)
+    monkeypatch.setattr(sumo_library.sys, "executable", "/nowhere/python")
     with pytest.raises(SimulationError, match="there is no sumo-gui; install SUMO"):
         problem.simulator(gui=True)
     with problem.simulator() as simulator:  # and nothing is left open
