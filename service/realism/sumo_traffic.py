@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from service.sim.sumo import CONTROLLED_CLASS, UNCHECKED, lane_hints
-from service.sim.sumo_background import BACKGROUND_CLASS, ROUTE
+from service.sim.sumo_background import BACKGROUND_CLASS, lane_extent, route_from
 from service.sim.sumo_library import close_simulation, open_simulation, options_for
 from sumo_nets.corridor import Corridor
 
@@ -56,10 +56,7 @@ class SumoTraffic:
             self._sumo.vehicletype.setLength(kind, length)
             self._sumo.vehicletype.setWidth(kind, width)
         edge, index, position = self._where(lane, station + 0.5 * length)
-        first = self._corridor.edges.index(edge)
-        route = f"{ROUTE}-from-{first}"
-        if route not in self._sumo.route.getIDList():
-            self._sumo.route.add(route, list(self._corridor.edges[first:]))
+        route = route_from(self._sumo, self._corridor, edge)
         self._sumo.vehicle.add(name, route, typeID=kind, departLane=str(index), departPos=f"{position:.2f}",
                             departSpeed=f"{speed:.3f}")  # fmt: skip
         self._length[name] = length
@@ -138,8 +135,6 @@ class SumoTraffic:
         k = min(max(round(station / self._corridor.ds_m), 0), stations - 1)
         edge, index = self._hints[k * lanes + lane]
         if (edge, index) not in self._extent:
-            x, y = self._sumo.simulation.convert2D(edge, 0.0, index)
-            start, _ = self._corridor.project(np.array([x]), np.array([y]))
-            self._extent[edge, index] = float(start[0]), self._sumo.lane.getLength(f"{edge}_{index}")
+            self._extent[edge, index] = lane_extent(self._sumo, self._corridor, edge, index)
         first, length = self._extent[edge, index]
         return edge, index, min(max(station - first, 0.1), length - 0.1)

@@ -72,14 +72,9 @@ def _add(sumo: Any, corridor: Corridor, speed: float, name: str, lane: int, stat
         sumo.vehicle.add(name, ROUTE, typeID=BACKGROUND_TYPE, depart=depart, departLane=str(sumo_lane),
                             departPos="10", departSpeed="max")  # fmt: skip
         return
-    position = sumo.simulation.convert2D(edge, 0.0, sumo_lane)
-    start, _ = corridor.project(np.array([position[0]]), np.array([position[1]]))
-    within = station_m - float(start[0])
-    index = corridor.edges.index(edge)
-    route = f"{ROUTE}-from-{index}"
-    if route not in sumo.route.getIDList():
-        sumo.route.add(route, list(corridor.edges[index:]))
-    length = sumo.lane.getLength(f"{edge}_{sumo_lane}")
+    start, length = lane_extent(sumo, corridor, edge, sumo_lane)
+    within = station_m - start
+    route = route_from(sumo, corridor, edge)
     if not 6.0 < within < length - 1.0:
         return  # too close to a junction to stand there
     sumo.vehicle.add(name, route, typeID=BACKGROUND_TYPE, departLane=str(sumo_lane),
@@ -112,6 +107,22 @@ def read(sumo: Any, controlled: set[str], agents: np.ndarray, first: int) -> int
         agents[row, A.ACTIVE] = 1.0
         row += 1
     return row
+
+
+def route_from(sumo: Any, corridor: Corridor, edge: str) -> str:
+    """The route along the corridor that begins at an edge, made where SUMO has none yet."""
+    index = corridor.edges.index(edge)
+    route = f"{ROUTE}-from-{index}"
+    if route not in sumo.route.getIDList():
+        sumo.route.add(route, list(corridor.edges[index:]))
+    return route
+
+
+def lane_extent(sumo: Any, corridor: Corridor, edge: str, lane: int) -> tuple[float, float]:
+    """First station and length (m) of an edge's lane, by SUMO's number of it."""
+    x, y = sumo.simulation.convert2D(edge, 0.0, lane)
+    start, _ = corridor.project(np.array([x]), np.array([y]))
+    return float(start[0]), sumo.lane.getLength(f"{edge}_{lane}")
 
 
 def _lane_id(corridor: Corridor, lane: int, station: int) -> str:

@@ -1,6 +1,5 @@
 """Other libraries' estimators on the reference problems, for the calibration table; none is a dependency of `ce`."""
 
-import importlib
 import importlib.metadata
 from collections.abc import Callable
 from typing import Any
@@ -43,7 +42,6 @@ def peer(problem: Problem, method: str, budget: int, seed: int, most_calls: int)
 def peer_version(method: str) -> str:
     """The library and its version; ImportError where it is not installed."""
     library = "UQpy" if method == UQPY else "openturns"
-    importlib.import_module(library)
     return f"{library} {importlib.metadata.version(library)}"
 
 
