@@ -52,7 +52,7 @@ guides: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m long tests/deploy/test_guides.py
 
 faults: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -m long tests/service/fleet
+	$(BIN)/python -m pytest -m long tests/service/remote/fleet
 
 fuzz: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.fuzz.run --payloads 100000 --seed 1 --out build/fuzz
@@ -107,7 +107,7 @@ example-ego: $(VENV)/.installed-dev
 
 # The Python code of the messages that egos on the network exchange.
 schema: $(VENV)/.installed-dev
-	$(BIN)/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. service/egos/ego.proto
+	$(BIN)/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. service/world/egos/ego.proto
 
 format: $(VENV)/.installed-dev
 	$(BIN)/ruff format .

@@ -11,9 +11,9 @@ import pytest
 
 from policies import layout
 from policies.drivers import DriverModel, load_drivers, save_drivers
-from service.scenario import Scenario, load_scenario
-from service.scenario import load as loading
-from service.sim.road import Road, road_of
+from service.world.scenario import Scenario, load_scenario
+from service.world.scenario import load as loading
+from service.world.sim.road import Road, road_of
 from sumo_nets.corridor import Corridor, load_corridor
 
 

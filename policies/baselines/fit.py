@@ -23,7 +23,7 @@ DT_S = 0.1
 LEAD_S = 2.5  # from the decision to the crossing: a third of a recorded lane change
 DECIDE_EVERY_S = 1.0
 SAFE_MPS2 = 4.0
-LATERAL_RATE_PER_S = 0.6  # of the recorded lane keeping (policies/training/expert.py)
+LATERAL_RATE_PER_S = 0.6  # of the recorded lane keeping (service/training/expert.py)
 BOUNDS = {
     "desired_speed_mps": (10.0, 40.0),
     "time_headway_s": (0.3, 3.0),

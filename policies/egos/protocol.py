@@ -11,8 +11,9 @@ class Observation:
     """What the ego perceives at one step.
 
     `vector` (51,) is laid out as `policies.layout` says; `row`, the ego's row of the world's state, has the columns of
-    `service.agents`; `frame` (height, width, 3) uint8 RGB is the camera's picture, for egos whose `wants_camera` is
-    true. All belong to the world and are overwritten by the next step: a policy that remembers them must copy them.
+    `service.world.agents`; `frame` (height, width, 3) uint8 RGB is the camera's picture, for egos whose
+    `wants_camera` is true. All belong to the world and are overwritten by the next step: a policy that remembers them
+    must copy them.
     """
 
     vector: np.ndarray

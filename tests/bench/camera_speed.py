@@ -22,12 +22,12 @@ import numpy as np
 import onnxruntime
 
 from policies.egos.vision import BESIDE, FRAME_SHAPE, WEIGHTS
-from service.camera import Camera, Scene, build_scene
-from service.camera import columns as C
-from service.camera.sheet import WEATHERS, traffic
-from service.scenario import load_scenario
-from service.scenario.check import check_road
-from service.scenario.schema import CameraSpec
+from service.world.camera import Camera, Scene, build_scene
+from service.world.camera import columns as C
+from service.world.camera.sheet import WEATHERS, traffic
+from service.world.scenario import load_scenario
+from service.world.scenario.check import check_road
+from service.world.scenario.schema import CameraSpec
 from sumo_nets.corridor import Corridor
 
 SIZES = ((200, 66), (960, 540))

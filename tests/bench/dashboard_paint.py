@@ -26,12 +26,12 @@ import numpy as np
 from playwright.sync_api import TimeoutError, sync_playwright
 
 import ce
-from service.client import Client, NoAnswer
-from service.job import Problem, make_job
-from service.scenario import load_scenario
-from service.store import Chunk, Origin
-from service.store.jobs import JobStore
-from tests.service.fleet.light import free_port
+from service.evaluation.job import Problem, make_job
+from service.evaluation.store import Chunk, Origin
+from service.evaluation.store.jobs import JobStore
+from service.remote.client import Client, NoAnswer
+from service.world.scenario import load_scenario
+from tests.service.remote.fleet.light import free_port
 
 BATCH, CHUNK = 20_000, 1000
 WAIT_S = 900.0
@@ -115,8 +115,8 @@ def main(rollouts: int, keep: bool) -> dict:
         tell(f"writes a job of {rollouts:,} rollouts")
         job, port, web = write_job(Path(folder), rollouts, keep), free_port(), free_port()
         endpoint = f"tcp/127.0.0.1:{port}"
-        serve = [sys.executable, "-m", "service.cli", "serve", "--home", folder, "--listen", endpoint, "--workers", "0",
-                 "--dashboard", str(web)]  # fmt: skip
+        serve = [sys.executable, "-m", "service.front.cli", "serve", "--home", folder, "--listen", endpoint,
+                 "--workers", "0", "--dashboard", str(web)]  # fmt: skip
         tell("starts the service")
         with subprocess.Popen(serve, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as server:
             try:

@@ -23,15 +23,15 @@ import numpy as np
 
 import ce
 from policies.egos import load_ego
-from service.egos.settings import EgoSettings
-from service.job import Problem, make_job
-from service.pool import LocalPool, Work
-from service.scenario import load_scenario
+from service.evaluation.job import Problem, make_job
+from service.evaluation.pool import LocalPool, Work
+from service.world.egos.settings import EgoSettings
+from service.world.scenario import load_scenario
 
 CHUNK = 5
 INSIDE = "ego and pictures in the workers"
 SERVICE = (
-    "import sys\nfrom service.egos.sdk import serve\nfrom policies.egos import load_ego\n"
+    "import sys\nfrom service.world.egos.sdk import serve\nfrom policies.egos import load_ego\n"
     "serve(lambda: load_ego(sys.argv[1]), sys.argv[1], listen=sys.argv[2], camera=sys.argv[3] or None)"
 )
 
@@ -121,7 +121,7 @@ def compare(scenario: str, ego: str, rollouts: int, rounds: int, counts: list[in
         for camera, address in services.items():
             stack.enter_context(_process("-c", SERVICE, ego, address, camera))
         if looks:
-            stack.enter_context(_process("-m", "service.egos.renderer", scenario, "--listen", renderer))
+            stack.enter_context(_process("-m", "service.world.egos.renderer", scenario, "--listen", renderer))
         for workers in counts:
             with contextlib.ExitStack() as pools:
                 made: dict[str, LocalPool] = {}

@@ -22,15 +22,15 @@ from pathlib import Path
 import psutil
 
 import ce
-from service.fleet.messages import Answer, Lease
-from service.fleet.policy import Policy
-from service.fleet.zenoh_link import client_session
-from service.job import Job, Problem, make_job
-from service.pool import LocalPool, Work
-from service.scenario import load_scenario
-from service.store.jobs import JobStore
-from tests.service.fleet import processes as P
-from tests.service.fleet.light import LightFleet, LightRunner, LightWorker, free_port, light_answer
+from service.evaluation.job import Job, Problem, make_job
+from service.evaluation.pool import LocalPool, Work
+from service.evaluation.store.jobs import JobStore
+from service.remote.fleet.messages import Answer, Lease
+from service.remote.fleet.policy import Policy
+from service.remote.fleet.zenoh_link import client_session
+from service.world.scenario import load_scenario
+from tests.service.remote.fleet import processes as P
+from tests.service.remote.fleet.light import LightFleet, LightRunner, LightWorker, free_port, light_answer
 
 WORKERS, HOSTS = 200, 4
 CHUNK_S = 1.0  # a light worker's chunk takes so long

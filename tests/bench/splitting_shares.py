@@ -14,8 +14,8 @@ from scipy.integrate import quad
 from scipy.special import ndtr, ndtri
 
 import ce
-from service.failures.events import chain_shares
-from service.failures.shares import replicated_share, share_interval
+from service.analysis.failures.events import chain_shares
+from service.analysis.failures.shares import replicated_share, share_interval
 
 DIMENSION = 10
 PROBLEMS = {

@@ -7,7 +7,7 @@ import click
 import pytest
 import yaml
 
-from service.cli.main import main
+from service.front.cli.main import main
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 

@@ -16,9 +16,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from service.api.objects import Estimate
-from tests.service.api.conftest import ANSWER_S, LIMITS, Service, client, foreign, service  # noqa: F401 (fixtures)
-from tests.service.fleet.light import free_port
+from service.remote.api.objects import Estimate
+from tests.service.remote.api.conftest import ANSWER_S, LIMITS, Service, client, foreign, service  # noqa: F401 (fixtures)
+from tests.service.remote.fleet.light import free_port
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
 

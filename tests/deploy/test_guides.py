@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 import pytest
 
-from service.cli.main import main
+from service.front.cli.main import main
 
 ROOT = Path(__file__).parents[2]
 GUIDES = sorted((ROOT / "deploy" / "guides").glob("*.md"))

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 import ce
-from service.egos.open import open_ego
-from service.egos.settings import EgoSettings
-from service.job import Problem, make_job
-from service.sim.rollout import Simulator
+from service.evaluation.job import Problem, make_job
+from service.world.egos.open import open_ego
+from service.world.egos.settings import EgoSettings
+from service.world.sim.rollout import Simulator
 
 EXAMPLE = Path(__file__).parents[2] / "deploy/examples/rust-ego"
 

@@ -15,11 +15,11 @@ import pytest
 import zenoh
 from click.testing import CliRunner
 
-from service.api.routes import TOPS
-from service.cli.main import main
-from service.client import Client, NoAnswer
 from service.errors import InputError
-from service.fleet.zenoh_link import client_session, router_session
+from service.front.cli.main import main
+from service.remote.api.routes import TOPS
+from service.remote.client import Client, NoAnswer
+from service.remote.fleet.zenoh_link import client_session, router_session
 
 SCRIPT = Path(__file__).parents[2] / "deploy" / "zenoh" / "make-security"
 WORK = "tailroad/v1/fleet/w1/work"
@@ -249,7 +249,7 @@ def test_one_command_serves_over_tls_with_local_workers_and_a_dashboard_for_clie
     keys = make_security(tmp_path / "keys")
     port, web = free_port(), free_port()
     endpoint = f"tls/localhost:{port}"
-    tailroad = [sys.executable, "-m", "service.cli"]
+    tailroad = [sys.executable, "-m", "service.front.cli"]
     config = ["--zenoh-config", keys / "scheduler.json5", "--home", tmp_path / "home"]
     listen = ["--listen", f"tls/0.0.0.0:{port}", "--procs", "1", "--dashboard", str(web)]
     with subprocess.Popen(

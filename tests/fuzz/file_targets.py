@@ -15,17 +15,17 @@ from policies.data.ngsim_import import import_file
 from policies.data.scenes import DataError
 from policies.data.tables import is_table, read_tables
 from policies.drivers import WeightsError, load_drivers, shipped
+from service.analysis.failures.memory import Memory
+from service.analysis.failures.rerun import Again
 from service.errors import InputError, ScenarioError, StoreError
-from service.failures.memory import Memory
-from service.failures.rerun import Again
-from service.job import Job, make_job
-from service.matrix.plan import cells, read_batch
-from service.record import replay
-from service.safety.formula import FormulaMonitor
-from service.scenario import load as loading
-from service.scenario.check import check_road
-from service.scenario.load import load_scenario, parse_scenario, read_toml
-from service.store import FAILED, Chunk, RunDirectory
+from service.evaluation.job import Job, make_job
+from service.evaluation.record import replay
+from service.evaluation.store import FAILED, Chunk, RunDirectory
+from service.front.matrix.plan import cells, read_batch
+from service.world.safety.formula import FormulaMonitor
+from service.world.scenario import load as loading
+from service.world.scenario.check import check_road
+from service.world.scenario.load import load_scenario, parse_scenario, read_toml
 from sumo_nets.corridor import read_corridor
 from sumo_nets.errors import NetworkError
 from tests.fuzz.payloads import changed, damaged, json_of, text

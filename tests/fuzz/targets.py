@@ -13,18 +13,18 @@ import numpy as np
 from google.protobuf.message import DecodeError
 from hypothesis import strategies as st
 
-from service.api.application import Application
-from service.api.catalogue import Catalogue
-from service.api.limits import Limits
-from service.api.objects import Problem
-from service.api.problems import URN
-from service.cli.submit import option_of
-from service.egos import ego_pb2 as pb
-from service.egos.messages import action_of, frame_of, reply_of, vector_of
 from service.errors import EgoError, InputError
-from service.fleet.answers import chunk_of
-from service.fleet.hub import Hub
-from service.fleet.messages import (
+from service.evaluation.job import make_job
+from service.evaluation.store.jobs import JobStore
+from service.front.cli.submit import option_of
+from service.remote.api.application import Application
+from service.remote.api.catalogue import Catalogue
+from service.remote.api.limits import Limits
+from service.remote.api.objects import Problem
+from service.remote.api.problems import URN
+from service.remote.fleet.answers import chunk_of
+from service.remote.fleet.hub import Hub
+from service.remote.fleet.messages import (
     Answer,
     Ask,
     BadMessage,
@@ -45,11 +45,11 @@ from service.fleet.messages import (
     decode_request,
     encode,
 )  # fmt: skip
-from service.fleet.policy import Policy
-from service.fleet.service import Fleet
-from service.job import make_job
-from service.scenario.load import load_scenario
-from service.store.jobs import JobStore
+from service.remote.fleet.policy import Policy
+from service.remote.fleet.service import Fleet
+from service.world.egos import ego_pb2 as pb
+from service.world.egos.messages import action_of, frame_of, reply_of, vector_of
+from service.world.scenario.load import load_scenario
 from tests.fuzz.file_targets import I80, FileTargets
 from tests.fuzz.payloads import bodies, damaged, json_of, parameters, text
 from tests.fuzz.target import Target

@@ -146,7 +146,7 @@ INSPECT = """
 import json, re, sys
 import numba
 from numba import types as t
-from service.sim import step
+from service.world.sim import step
 
 i, f, f1, f2, f3 = t.int64, t.float64, *(t.Array(t.float64, n, "C") for n in (1, 2, 3))
 h1, h2 = (t.Array(t.float32, n, "C") for n in (1, 2))

@@ -12,7 +12,7 @@ from policies.data.ngsim_flags import finish
 from policies.data.ngsim_import import import_file
 from policies.data.ngsim_schema import FLAGS, SCHEMA, FormatError, names_of
 from policies.data.ngsim_text import COLUMNS, read_csv, read_text
-from service.cli.main import main
+from service.front.cli.main import main
 
 T0_MS = 1113437564900
 HEADER = (

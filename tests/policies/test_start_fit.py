@@ -13,9 +13,9 @@ from policies.data import start_fit as F
 from policies.data import start_fit_report as R
 from policies.data.ngsim_import import import_file
 from policies.data.scenes import DataError, read_i80
-from policies.training.demonstrations import held_out_vehicles
-from service.cli.main import main
-from service.scenario import load_scenario
+from service.front.cli.main import main
+from service.training.demonstrations import held_out_vehicles
+from service.world.scenario import load_scenario
 
 
 def sample(alpha=3.0, beta=5.0, low=-2.0, high=6.0, n=20_000, vehicles=200, seed=1):

@@ -11,8 +11,8 @@ from policies import layout
 from policies.drivers import WeightsError
 from policies.egos import Observation, load_ego
 from policies.egos.vision import BESIDE, FRAME_SHAPE, VisionEgo, beside, vision_card
-from service.camera import Camera, Weather, build_scene
-from service.camera.sheet import traffic
+from service.world.camera import Camera, Weather, build_scene
+from service.world.camera.sheet import traffic
 
 
 @pytest.fixture(scope="module")

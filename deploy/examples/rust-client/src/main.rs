@@ -3,7 +3,7 @@
 //!     cargo run --release -- ADDRESS BODY      ADDRESS: tcp/127.0.0.1:7447, BODY: a submission as JSON
 //!
 //! Prints the events as they come on standard error and the estimate on standard output. A refusal's problem (RFC 9457)
-//! goes to standard error; the exit code is then 2. Keys and bodies: service/api/README.md.
+//! goes to standard error; the exit code is then 2. Keys and bodies: service/remote/api/README.md.
 
 use serde_json::Value;
 use std::time::{Duration, Instant};

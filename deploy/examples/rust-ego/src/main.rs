@@ -3,7 +3,7 @@
 //!     cargo run --release -- [NAME] [ADDRESS]        NAME: rust, ADDRESS: tcp/127.0.0.1:7447
 //!     tailroad rollout i80-10s --ego zenoh:rust
 //!
-//! The conversation is the one of service/egos/README.md: hello, reset, observation, goodbye; a query each.
+//! The conversation is the one of service/world/egos/README.md: hello, reset, observation, goodbye; a query each.
 
 mod driver;
 

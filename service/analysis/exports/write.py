@@ -1,0 +1,61 @@
+"""One rollout once more, written in every form asked for."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from service.analysis.failures.recording import write_recording
+from service.analysis.failures.rerun import Again, look
+from service.analysis.failures.scenario_file import scenario_text
+from service.analysis.trace import write_table
+from service.errors import SimulationError
+from service.evaluation.job import Problem
+
+FORMATS = {  # what a client may ask for: media type and the file's suffix
+    "scenario": ("application/toml", ".toml"),
+    "fcd": ("application/xml", ".xml"),
+    "mp4": ("video/mp4", ".mp4"),
+    "mcap": ("application/octet-stream", ".mcap"),
+}
+
+
+@dataclass(frozen=True)
+class Exports:
+    """Files to write. scenario: a scenario file that holds the rollout; fcd: SUMO's floating-car data; mp4: a film;
+    mcap: a recording for viewers of robot logs; table: every vehicle at every step, as Parquet."""
+
+    scenario: Path | None = None
+    fcd: Path | None = None
+    mp4: Path | None = None
+    mcap: Path | None = None
+    table: Path | None = None
+
+
+def write_exports(
+    problem: Problem, x: np.ndarray, noise: int, title: str, files: Exports, camera: bool = True
+) -> Again:
+    """Run the rollout of x (d,) and its noise seed again and write the files; what it came to.
+
+    camera: whether the film shows the ego's camera beside the road from above. SUMO allows one simulation a process.
+    Raises SimulationError where the rollout fails.
+    """
+    with problem.simulator(fcd=files.fcd) as simulator:
+        again = look(problem, simulator, x, noise)
+    trace = again.trace
+    if trace is None:
+        raise SimulationError(f"the rollout failed: {again.error}")
+    text = scenario_text(problem, x, noise, again.f, title)
+    if files.scenario is not None:
+        files.scenario.write_text(text, encoding="utf-8")
+    if files.table is not None:
+        write_table(trace, files.table)
+    if files.mcap is not None:
+        rays = problem.job.scenario.safety.rays
+        write_recording(trace, problem.corridor, files.mcap, problem.job.gamma, rays, {"scenario.toml": text})
+    if files.mp4 is not None:
+        from service.analysis.video import EgoView, write_video
+
+        view = EgoView(problem.job.scenario, problem.corridor, x, noise) if camera else None
+        write_video(trace, problem.corridor, files.mp4, title, view)
+    return again

@@ -1,0 +1,87 @@
+"""How the ego fails: the failure modes of a run, rollouts of them worth drawing, and how far the ego drives."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from service.analysis.exposure import Exposure, exposure_of
+from service.analysis.failures.examine import examine
+from service.analysis.failures.find import Found, find_failures
+from service.analysis.failures.objects import Failure, Failures
+from service.analysis.failures.rerun import Open
+from service.analysis.failures.tell import failure_told
+from service.analysis.learned.learn import learned_of
+from service.analysis.learned.objects import Learned
+from service.analysis.trace import Trace
+from service.evaluation.record import JobRecord
+
+EXAMINED = 200  # dangerous rollouts at most that a report has run again and grouped: shares to within 7% of p
+
+
+@dataclass(frozen=True)
+class Retold:
+    """A dangerous rollout, run once more.
+
+    trace: None where the run failed, for which `failure.error` has the reason; threat: the vehicle that the smallest
+    value is to, a row of the scenario's vehicles, None where it is background traffic.
+    """
+
+    record: JobRecord
+    failure: Failure
+    trace: Trace | None
+
+    @property
+    def threat(self) -> int | None:
+        return None if self.failure.motion is None else self.failure.motion.other
+
+
+@dataclass(frozen=True)
+class LookBack:
+    """What was seen by running rollouts again; nothing of it where none was."""
+
+    failures: Failures | None = None
+    retold: tuple[Retold, ...] = ()
+    exposure: Exposure | None = None
+    learned: dict[str, Learned] = field(default_factory=dict)  # by job
+
+
+def look_back(
+    run: str,
+    record: JobRecord,
+    drawn: int,
+    opened: Open,
+    folder: Path | None,
+    confidence: float = 0.95,
+) -> LookBack:
+    """Run dangerous rollouts of a job again, and some of P0; `drawn`: how many to return the traces of.
+
+    opened: rerunners of jobs; folder: where what was run again is remembered.
+    """
+    with opened(record.job) as rerunner:
+        exposure = exposure_of(record.job, record.problem.base, rerunner, confidence, folder)
+        found = find_failures(run, record, rerunner, limit=drawn, most=EXAMINED, folder=folder)
+        shown = worth_drawing(found, drawn)
+        traced = examine(found.examined.events, rerunner, (), 0, shown, folder)
+        learned = learned_of(record.job.id, record, rerunner)
+    rank = {position: i for i, position in enumerate(found.ranking, start=1)}
+    retold = [
+        Retold(
+            record,
+            failure_told(traced.events, i, traced.again[i], rank[i], found.modes[i]),
+            traced.again[i].trace,
+        )
+        for i in shown
+    ]
+    return LookBack(found.failures, tuple(retold), exposure, {record.job.id: learned})
+
+
+def worth_drawing(found: Found, count: int) -> list[int]:
+    """Positions of an example of each mode, the largest share first, then of the first in rank."""
+    examples = [found.ranking[mode.example.rank - 1] for mode in found.failures.modes]
+    first = found.ranking[: count + len(examples)]
+    return list(dict.fromkeys([*examples[:count], *first]))[:count]
+
+
+def telling(records: Sequence[JobRecord]) -> JobRecord:
+    """The job that has met the most dangerous rollouts, in effective numbers; as `tailroad failures` takes it."""
+    return max(records, key=lambda record: record.estimate.ess)

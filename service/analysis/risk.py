@@ -1,0 +1,177 @@
+"""Risk in words: p of a scenario as a rate per million kilometres, beside a baseline, always with its interval.
+
+The rate is p over the kilometres that the ego drives in a rollout. Whether it means anything for a road is a matter of
+the assumptions, which go with it wherever it is shown.
+"""
+
+import math
+
+import msgspec
+
+import ce
+from service.analysis.exposure import Exposure
+from service.analysis.wording import level, significant
+from service.errors import InputError
+from service.evaluation.job import Job
+from service.world.scenario.measures import measure_kind
+
+MILLION = 1e6
+KM_PER_MILE = 1.609344
+
+
+class Baseline(msgspec.Struct, frozen=True, kw_only=True):
+    """What a risk is held against."""
+
+    name: str
+    per_million_km: float
+    source: str
+
+
+POLICE_REPORTED = Baseline(
+    name="police-reported crashes of human drivers in the USA, 2022",
+    per_million_km=5.93e6 / (3196e9 * KM_PER_MILE) * MILLION,
+    source="NHTSA, DOT HS 813 560: 5.93 million crashes in 3,196 billion vehicle miles",
+)
+NEAR_CRASHES = Baseline(
+    name="near-crashes of human drivers in the 100-Car study",
+    per_million_km=760 / (2.0e6 * KM_PER_MILE) * MILLION,
+    source="100-Car study (NHTSA, DOT HS 810 593): 760 near-crashes in its public event database (secondary sources "
+    "also give 761) in about 2 million vehicle miles; taken from secondary sources, not from the report itself",
+)
+BASELINES = {"police-reported": POLICE_REPORTED, "near-crash": NEAR_CRASHES}
+
+
+class Risk(msgspec.Struct, frozen=True, kw_only=True):
+    """p of a rollout, and the rate that it comes to."""
+
+    p: float | None
+    ci: tuple[float, float]
+    confidence: float
+    exposure: Exposure
+    per_million_km: float | None
+    per_million_km_ci: tuple[float, float | None]  # holds the uncertainty of p and of the kilometres
+    km_between: float | None  # kilometres from one event to the next
+    km_between_ci: tuple[float, float | None]  # None here and above: no upper end
+    baseline: Baseline
+    times_baseline: float | None
+    times_baseline_ci: tuple[float, float | None]
+    said: str
+    assumptions: tuple[str, ...]
+
+
+def baseline_of(given: str | None, source: str | None = None) -> Baseline:
+    """The baseline that the user names, or gives as events per million km; POLICE_REPORTED where nothing is given."""
+    if given is None:
+        return POLICE_REPORTED
+    if given in BASELINES:
+        return BASELINES[given]
+    try:
+        rate = float(given)
+    except ValueError:
+        rate = math.nan
+    if not 0.0 < rate < math.inf:
+        raise InputError(
+            f"--baseline {given}: give events per million km (a number above 0), or one of {', '.join(BASELINES)}"
+        )
+    return Baseline(name="the baseline given", per_million_km=rate, source=source or "given by the user")
+
+
+def risk_of(
+    job: Job, estimate: ce.Estimate, exposure: Exposure, baseline: Baseline = POLICE_REPORTED
+) -> Risk:
+    """The risk that a job's estimate stands for."""
+    p = estimate.p if estimate.estimation_rollouts else None
+    event = event_of(msgspec.structs.replace(job, gamma=estimate.gamma))
+    return rate_of(p, estimate.ci, estimate.confidence, exposure, event, baseline)
+
+
+def rate_of(
+    p: float | None,
+    ci: tuple[float, float],
+    confidence: float,
+    exposure: Exposure,
+    event: str,
+    baseline: Baseline = POLICE_REPORTED,
+) -> Risk:
+    """The risk of an event of probability p per rollout.
+
+    event: in words, as in "a time to collision of at most 0.5 s". The interval takes p's interval at the kilometres'
+    other end, so it is a little wider than it need be.
+    """
+    low, high = ci
+    short, long = exposure.km_ci
+    rate = None if p is None or exposure.km <= 0.0 else p / exposure.km * MILLION
+    least = low / long * MILLION if long > 0.0 else 0.0
+    most = high / short * MILLION if short > 0.0 else None
+    per = baseline.per_million_km
+    rate_ci = least, most
+    between_ci = MILLION / most if most else 0.0, MILLION / least if least > 0.0 else None
+    times_ci = least / per, None if most is None else most / per
+    return Risk(
+        p=p,
+        ci=ci,
+        confidence=confidence,
+        exposure=exposure,
+        per_million_km=rate,
+        per_million_km_ci=rate_ci,
+        km_between=MILLION / rate if rate else None,
+        km_between_ci=between_ci,
+        baseline=baseline,
+        times_baseline=None if rate is None else rate / per,
+        times_baseline_ci=times_ci,
+        said=_said(event, p, rate, rate_ci, between_ci, confidence, times_ci, baseline),
+        assumptions=_assumptions(exposure, event, baseline),
+    )
+
+
+def _said(
+    event: str,
+    p: float | None,
+    rate: float | None,
+    rate_ci: tuple[float, float | None],
+    between_ci: tuple[float, float | None],
+    confidence: float,
+    times_ci: tuple[float, float | None],
+    baseline: Baseline,
+) -> str:
+    """The risk in two sentences, each with its interval."""
+
+    def say(value: float | None) -> str:
+        return "∞" if value is None else significant(value, 2)
+
+    sure = level(confidence)
+    (low, high), (least, most) = rate_ci, times_ci
+    what = event[:1].upper() + event[1:]
+    against = f"the {baseline.name} ({significant(baseline.per_million_km)} per million km)"
+    if not p or rate is None:
+        return (
+            f"{what}: at most {say(high)} times per million km ({sure} interval from 0), or at least "
+            f"{say(between_ci[0])} km from one to the next. At most {say(most)} times {against}."
+        )
+    return (
+        f"{what}: about {say(rate)} times per million km ({sure} interval {say(low)} to {say(high)}), or once in "
+        f"{say(MILLION / rate)} km ({say(between_ci[0])} to {say(between_ci[1])}). "
+        f"That is {say(least)} to {say(most)} times {against}."
+    )
+
+
+def event_of(job: Job) -> str:
+    """The event of a job in words."""
+    kind = measure_kind(job.scenario.safety.measure)
+    words = kind.words.rstrip(",").removeprefix("smallest ")
+    article = "an" if words[0] in "aeiou" or words.startswith("RSS") else "a"
+    return f"{article} {words} of at most {job.gamma:g} {kind.unit}".rstrip()
+
+
+def _assumptions(exposure: Exposure, event: str, baseline: Baseline) -> tuple[str, ...]:
+    short, long = exposure.km_ci
+    return (
+        f"All driving is like this scenario: every kilometre is driven in rollouts of {significant(exposure.km)} km "
+        f"({significant(short)} to {significant(long)} km, from {exposure.rollouts} rollouts of P0) that start as P0 "
+        "says.",
+        f"The event is {event}, which is not a crash: most are followed by none, so the rate is no crash rate, and a "
+        "multiple of a rate of crashes says how much more frequent the event is, not how dangerous the ego is.",
+        "A rollout counts once, however often the event comes in it.",
+        "Traffic is as P0 has it: its starts and drivers are models fitted to recordings of one road.",
+        f"The baseline is from other driving ({baseline.source}), over all roads, hours and weathers of its data.",
+    )

@@ -1,0 +1,65 @@
+"""Runs a job on local workers, with a run directory (or another record) as its memory, and tells how far it is."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+
+import ce
+from service.evaluation.batches import RecordedBatches
+from service.evaluation.evaluate import Observe, evaluate
+from service.evaluation.job import Job, Problem
+from service.evaluation.pool import LocalPool, OpenWorld, in_sumo
+from service.evaluation.store import Chunk, ChunkSource
+from service.evaluation.tolerance import Tolerance
+
+
+@dataclass(frozen=True)
+class Watcher:
+    """Who is told what a campaign does."""
+
+    on_job: Callable[[Job, int], None] = lambda job, total: None  # the job begins; its rollouts at most
+    on_chunk: Callable[[Chunk, bool], None] = lambda chunk, replayed: None
+    on_record: Observe = lambda state, record: None
+
+
+class LazyPool:
+    """A pool of local workers for a job that starts when first asked for."""
+
+    def __init__(self, job: Job, workers: int, open_world: OpenWorld = in_sumo):
+        self._job, self._workers, self._open_world = job, workers, open_world
+        self._pool: LocalPool | None = None
+
+    def __call__(self) -> LocalPool:
+        if self._pool is None:
+            self._pool = LocalPool(self._job, self._workers, self._open_world)
+            self._pool.warm_up()
+        return self._pool
+
+    def __enter__(self) -> "LazyPool":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._pool is not None:
+            self._pool.__exit__(kind, error, trace)
+
+
+def run_job(
+    store: ChunkSource,
+    job: Job,
+    workers: int,
+    watcher: Watcher,
+    max_failed: float = 1.0,
+    open_world: OpenWorld = in_sumo,
+) -> ce.Estimate:
+    """Run one job to its end, from wherever its record in `store` stands.
+
+    max_failed: TooManyFailures where a larger share of its rollouts fails; open_world: what the rollouts run in.
+    """
+    problem = Problem(job)
+    algorithm = problem.algorithm
+    watcher.on_job(job, algorithm.total_rollouts)
+    with LazyPool(job, workers, open_world) as pool:
+        run_batch = RecordedBatches(store, job, pool, watcher.on_chunk, Tolerance(max_failed))
+        return evaluate(algorithm, problem.stream_seed, run_batch, watcher.on_record)

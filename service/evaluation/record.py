@@ -1,0 +1,193 @@
+"""A job as far as its record goes: the evaluation loop, answered from the run directory alone."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NoReturn
+
+import numpy as np
+
+import ce
+from ce.streams import CHUNK as STREAM_BLOCK
+from service.errors import InputError
+from service.evaluation.batches import RecordedBatches
+from service.evaluation.evaluate import evaluate
+from service.evaluation.job import Job, Problem
+from service.evaluation.pool import OUTCOME_NAMES
+from service.evaluation.store import ChunkSource
+
+BatchKey = tuple[str, int]  # phase, iteration
+
+
+class _EndOfRecord(Exception):
+    """The record has no answer to the next batch, or not all of it."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A rollout that ended in an error: row `row` of the batch stream (phase, iteration)."""
+
+    phase: str
+    iteration: int
+    row: int
+    noise: int  # its noise seed
+    reason: str
+
+
+@dataclass(frozen=True)
+class JobRecord:
+    """What the record says of a job.
+
+    estimate: of f <= estimate.gamma, from the batches that are complete. recorded: rollouts on record, those of an
+    incomplete batch included. parameters: of the proposal of each batch. estimate_iteration: of the batches that the
+    estimate is made of (a method that switches leaves others behind). event_rows, event_log_likelihood: the estimation
+    rollouts with f <= estimate.gamma, and log p0(x) of each, nats; none for methods that move chains instead of drawing
+    a fresh sample. explicit: x, noise seed and f of the events and failures of batches that cannot be drawn from
+    parameters alone, by (phase, iteration, row); told: these batches. outcomes: how the recorded rollouts of each phase
+    ended.
+    """
+
+    job: Job
+    problem: Problem
+    estimate: ce.Estimate
+    training: tuple[ce.TrainingRecord, ...]
+    estimation: tuple[ce.EstimationRecord, ...]
+    parameters: dict[BatchKey, np.ndarray]
+    estimate_iteration: int
+    event_rows: np.ndarray
+    event_log_likelihood: np.ndarray
+    explicit: dict[tuple[str, int, int], tuple[np.ndarray, int, float]]
+    outcomes: dict[str, Counter[str]]
+    errors: tuple[tuple[str, int, int, str], ...]  # phase, iteration, row, reason
+    recorded: int
+    worker_s: float
+    sim_s: float
+    told: frozenset[BatchKey] = frozenset()
+
+    @property
+    def planned(self) -> int:
+        """Rollouts at most."""
+        return self.problem.algorithm.total_rollouts
+
+    def redraw(self, phase: str, iteration: int, row: int) -> tuple[np.ndarray, int]:
+        """x (d,) and the noise seed of an event or a failure, drawn again just as its batch was."""
+        return self.redraw_all(phase, [(iteration, row)])[0]
+
+    def redraw_all(self, phase: str, keys: Sequence[tuple[int, int]]) -> list[tuple[np.ndarray, int]]:
+        """x (d,) and the noise seed of many, by (iteration, row): rows of one block of the stream are drawn at once."""
+        found = {key: self.explicit[phase, *key][:2] for key in keys if (phase, *key) in self.explicit}
+        blocks: dict[tuple[int, int], list[int]] = {}
+        for iteration, row in keys:
+            if (iteration, row) not in found:
+                if (phase, iteration) in self.told:
+                    raise InputError(
+                        f"rollout {row} of phase {phase}, iteration {iteration} is neither dangerous nor failed: of "
+                        f"method {self.estimate.method} only those are kept so that they can be brought back"
+                    )
+                blocks.setdefault((iteration, row // STREAM_BLOCK), []).append(row)
+        for (iteration, _), rows in blocks.items():
+            proposal = self.problem.base.with_parameters(self.parameters[phase, iteration])
+            first = min(rows)
+            x, noise = ce.draw(proposal, self.problem.stream_seed, phase, iteration, first, max(rows) + 1)
+            found |= {(iteration, row): (x[row - first].copy(), int(noise[row - first])) for row in rows}
+        return [found[key] for key in keys]
+
+    @cached_property
+    def proposal(self) -> ce.Product | None:
+        """What the estimation rollouts are drawn from, where that is not the base and is known."""
+        key = ("estimate", self.estimate_iteration)
+        if not self.training or key not in self.parameters:
+            return None
+        return self.problem.base.with_parameters(self.parameters[key])
+
+    def failures(self, limit: int) -> list[Failure]:
+        """The first failed rollouts, with the noise seeds that bring them back."""
+        return [
+            Failure(phase, k, row, self.redraw(phase, k, row)[1], reason)
+            for phase, k, row, reason in self.errors[:limit]
+        ]
+
+
+def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecord:
+    """Replay a job's record through the evaluation loop until it is finished or the record ends.
+
+    gamma: look at the event f <= gamma instead of the job's own; the search stays the one that there was.
+    """
+    problem = Problem(job)
+    threshold = job.gamma if gamma is None else gamma
+    algorithm = problem.algorithm
+    recorded = RecordedBatches(store, job, _no_workers)
+    state: Any = algorithm.init(problem.stream_seed)
+    records: list[ce.TrainingRecord | ce.EstimationRecord] = []
+    parameters: dict[BatchKey, np.ndarray] = {}
+    rows: dict[int, list[np.ndarray]] = {}
+    likelihood: dict[int, list[np.ndarray]] = {}
+    explicit: dict[tuple[str, int, int], tuple[np.ndarray, int, float]] = {}
+    explicit_batches: set[BatchKey] = set()
+
+    def run_batch(batch: ce.Batch) -> np.ndarray:
+        parameters[batch.phase, batch.iteration] = batch.parameters
+        f = recorded(batch)
+        if batch.explicit:
+            explicit_batches.add((batch.phase, batch.iteration))
+            told = np.isnan(f) | (f <= threshold)  # a method that moves chains calls all its batches training
+            for i in np.flatnonzero(told).tolist():
+                explicit[batch.phase, batch.iteration, batch.start + i] = (
+                    batch.x[i].copy(),
+                    int(batch.noise[i]),
+                    float(f[i]),
+                )
+        if batch.phase == "estimate":
+            events = np.flatnonzero(f <= threshold)
+            rows.setdefault(batch.iteration, []).append(batch.start + events)
+            likelihood.setdefault(batch.iteration, []).append(problem.base.log_density(batch.x[events]))
+        return f
+
+    def observe(after: Any, record: ce.TrainingRecord | ce.EstimationRecord) -> None:
+        nonlocal state
+        state = after
+        records.append(record)
+
+    try:
+        estimate = evaluate(algorithm, problem.stream_seed, run_batch, observe)
+    except _EndOfRecord:
+        estimate = algorithm.estimate(state)
+    if threshold != job.gamma:
+        estimate = replace(estimate, gamma=threshold)
+
+    last = max(rows, default=0)
+    outcomes: dict[str, Counter[str]] = {}
+    errors: list[tuple[str, int, int, str]] = []
+    count, worker_s, steps = 0, 0.0, 0
+    for phase, iteration, chunk in store.all_chunks(job.id):
+        codes, counts = np.unique(chunk.outcomes, return_counts=True)
+        ended = outcomes.setdefault(phase, Counter())
+        for code, times in zip(codes.tolist(), counts.tolist(), strict=True):
+            ended[OUTCOME_NAMES.get(code, f"code {code}")] += times
+        errors += [(phase, iteration, chunk.start + i, reason) for i, reason in sorted(chunk.errors.items())]
+        count += chunk.stop - chunk.start
+        worker_s += chunk.worker_s
+        steps += int(chunk.steps.sum())
+    return JobRecord(
+        job=job,
+        problem=problem,
+        estimate=estimate,
+        training=tuple(r for r in records if isinstance(r, ce.TrainingRecord)),
+        estimation=tuple(r for r in records if isinstance(r, ce.EstimationRecord)),
+        parameters=parameters,
+        estimate_iteration=last,
+        event_rows=np.concatenate([np.zeros(0, np.int64), *rows.get(last, [])]),
+        event_log_likelihood=np.concatenate([np.zeros(0), *likelihood.get(last, [])]),
+        explicit=explicit,
+        outcomes=outcomes,
+        errors=tuple(errors),
+        recorded=count,
+        worker_s=worker_s,
+        sim_s=steps * job.scenario.time.step_s,
+        told=frozenset(explicit_batches),
+    )
+
+
+def _no_workers() -> NoReturn:
+    raise _EndOfRecord

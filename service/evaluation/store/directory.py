@@ -1,0 +1,110 @@
+"""A run directory: the jobs of a run and the append-only record of their finished chunks.
+
+    RUN/run.json          the jobs as they were asked for
+    RUN/rollouts.sqlite   a row for each finished chunk of rollouts; never changed once written
+
+A chunk is rows [start, stop) of the batch (job, phase, iteration). A job's state is not stored: replaying the
+recorded chunks through `service.evaluation.evaluate` gives it back to the bit, so a run that was killed at any moment
+goes on from its last finished chunk.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+
+from service.errors import StoreError
+from service.evaluation.job import Job
+from service.evaluation.store.chunk import HERE, Chunk
+from service.evaluation.store.database import open_engine, sqlite_url
+from service.evaluation.store.records import ChunkRecord
+
+FORMAT = 1
+
+
+class _Run(msgspec.Struct, frozen=True):
+    format: int
+    jobs: tuple[Job, ...]
+
+
+class RunDirectory:
+    """An open run directory; one process at a time writes to it."""
+
+    def __init__(self, path: Path, jobs: tuple[Job, ...]):
+        self.path = path
+        self.jobs = jobs
+        try:
+            self._engine = open_engine(sqlite_url(path / "rollouts.sqlite"))
+        except StoreError as error:
+            raise StoreError(f"{error}; check the folder, or start a new run with another --out") from error
+        self._record = ChunkRecord(self._engine)
+
+    @classmethod
+    def create(cls, path: Path, jobs: tuple[Job, ...]) -> "RunDirectory":
+        """A new run directory; StoreError if there is a run already or the folder cannot be made."""
+        if (path / "run.json").exists():
+            raise StoreError(
+                f"{path} holds a run already; continue it with --resume {path}, or give another --out"
+            )
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            (path / "run.json").write_bytes(
+                msgspec.json.format(msgspec.json.encode(_Run(FORMAT, jobs)), indent=2) + b"\n"
+            )
+        except OSError as error:
+            raise StoreError(f"cannot write to {path}: {error.strerror or error}") from error
+        return cls(path, jobs)
+
+    @classmethod
+    def open(cls, path: Path) -> "RunDirectory":
+        """An existing run directory; StoreError if it is not one."""
+        try:
+            run = msgspec.json.decode((path / "run.json").read_bytes(), type=_Run)
+        except FileNotFoundError as error:
+            raise StoreError(f"{path} is not a run directory (it has no run.json); check the path") from error
+        except (OSError, msgspec.MsgspecError, ValueError, RecursionError) as error:
+            raise StoreError(f"{path / 'run.json'} cannot be read: {error}") from error
+        if run.format != FORMAT:
+            raise StoreError(f"{path} has run format {run.format}; this tailroad reads format {FORMAT}")
+        return cls(path, run.jobs)
+
+    def close(self) -> None:
+        self._engine.dispose()
+
+    def __enter__(self) -> "RunDirectory":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def job(self, job_id: str) -> Job:
+        for job in self.jobs:
+            if job.id == job_id:
+                return job
+        raise StoreError(
+            f"{self.path} has no job {job_id!r}; it has {', '.join(job.id for job in self.jobs)}"
+        )
+
+    def append(self, job_id: str, phase: str, iteration: int, chunk: Chunk) -> None:
+        """Record a finished chunk for good; a chunk that is there already is left as it is."""
+        try:
+            self._record.append([(job_id, phase, iteration, chunk, HERE)])
+        except StoreError as error:
+            raise StoreError(
+                f"{error}; what was recorded is kept, continue with --resume {self.path}"
+            ) from error
+
+    def chunks(
+        self, job_id: str, phase: str, iteration: int, start: int = 0, stop: int | None = None
+    ) -> list[Chunk]:
+        """The recorded chunks of a batch that hold any of rows [start, stop), by start; stop = None: to its end."""
+        return [chunk for chunk, _ in self._record.chunks(job_id, phase, iteration, start, stop)]
+
+    @property
+    def record(self) -> ChunkRecord:
+        """The chunks, with where each comes from."""
+        return self._record
+
+    def all_chunks(self, job_id: str) -> Iterator[tuple[str, int, Chunk]]:
+        """Every recorded chunk of a job as (phase, iteration, chunk)."""
+        return self._record.all_chunks(job_id)

@@ -1,0 +1,303 @@
+"""The record of a fleet: its jobs, what they told, their chunks and iterations, audits and quarantined workers."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from importlib.metadata import version
+from typing import Any
+
+import msgspec
+import sqlalchemy as sa
+from sqlalchemy.exc import IntegrityError, SQLAlchemyError
+
+import ce
+from service.errors import StoreError
+from service.evaluation.job import Job
+from service.evaluation.store.chunk import Chunk, Origin
+from service.evaluation.store.claim import Claim
+from service.evaluation.store.database import LOCK_WAIT_S, insert_once, open_engine, reason, shown, writing
+from service.evaluation.store.records import ChunkRecord
+from service.evaluation.store.tables import (
+    audits,
+    chunks,
+    events,
+    iterations,
+    jobs,
+    quarantine,
+    states,
+    voids,
+)
+
+STATUS = "status"  # the kind of event whose last one is the job's status
+_STATUS = (
+    sa.select(events.c.body)
+    .where(events.c.job == jobs.c.id, events.c.kind == STATUS)
+    .order_by(events.c.number.desc())
+    .limit(1)
+    .scalar_subquery()
+    .label("status")
+)
+_WITH_STATUS = sa.select(jobs, _STATUS)
+
+
+class JobRow(msgspec.Struct, frozen=True):
+    """A job as it was submitted, and its status."""
+
+    id: str
+    number: int
+    job: Job
+    priority: int
+    weight: float
+    label: str
+    at: str
+    status: str
+    reason: str  # of the status, where there is one to tell
+
+
+class Event(msgspec.Struct, frozen=True):
+    """Something that a job told."""
+
+    job: str
+    number: int
+    kind: str
+    body: dict[str, Any]
+    at: str
+
+
+class AuditRow(msgspec.Struct, frozen=True):
+    """A chunk that `worker` ran too, to the same bits."""
+
+    job: str
+    phase: str
+    iteration: int
+    start: int
+    epoch: int
+    worker: str
+
+
+class JobStore:
+    """The database of a fleet; any number of readers, one scheduler that writes."""
+
+    def __init__(self, url: str, lock_wait_s: float = LOCK_WAIT_S):
+        self._engine = open_engine(url, lock_wait_s)
+        self.chunks = ChunkRecord(self._engine)
+
+    def close(self) -> None:
+        self._engine.dispose()
+
+    def claim(self) -> Claim:
+        """Make sure that no other scheduler works on this database; StoreError where one does."""
+        return Claim(self._engine)
+
+    def __enter__(self) -> "JobStore":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # -- jobs and what they tell -----------------------------------------------------------------------------
+
+    def add_job(self, job_id: str, job: Job, priority: int, weight: float, label: str, status: str) -> JobRow:
+        """Record a new job with its first status; StoreError where there is one of that id."""
+        now = _now()
+        try:
+            with self._write("record the job") as connection:
+                number = 1 + (connection.scalar(sa.select(sa.func.max(jobs.c.number))) or 0)
+                spec = msgspec.json.encode(job).decode()
+                row = {"id": job_id, "number": number, "spec": spec, "priority": priority, "weight": weight,
+                       "label": label, "at": now}  # fmt: skip
+                connection.execute(sa.insert(jobs), row)
+                _add_event(connection, job_id, STATUS, {"status": status, "reason": ""}, now)
+        except IntegrityError as error:
+            raise StoreError(f"there is a job {job_id!r} already") from error
+        return JobRow(job_id, number, job, priority, weight, label, now, status, "")
+
+    def job(self, job_id: str) -> JobRow | None:
+        return next(iter(self._jobs(_WITH_STATUS.where(jobs.c.id == job_id))), None)
+
+    def jobs(self, after: int = 0, limit: int = 100) -> list[JobRow]:
+        """Jobs in the order of submission, those after number `after`."""
+        query = _WITH_STATUS.where(jobs.c.number > after).order_by(jobs.c.number).limit(limit)
+        return list(self._jobs(query))
+
+    def jobs_with(self, statuses: Iterable[str]) -> list[JobRow]:
+        """All jobs that have one of these statuses. It looks at the status of every job there is, and reads those that
+        have one of these."""
+        wanted = set(statuses)
+        every = self._read(sa.select(jobs.c.id, _STATUS).order_by(jobs.c.number))
+        found = (self.job(row.id) for row in every if msgspec.json.decode(row.status)["status"] in wanted)
+        return [row for row in found if row is not None]
+
+    def add_event(self, job_id: str, kind: str, body: dict[str, Any]) -> Event:
+        """Record what a job tells; its number is one more than the job's last."""
+        now = _now()
+        with self._write("record an event") as connection:
+            return Event(job_id, _add_event(connection, job_id, kind, body, now), kind, body, now)
+
+    def events(self, job_id: str, after: int = 0, limit: int = 1000) -> list[Event]:
+        """What the job told after event number `after`."""
+        query = (
+            sa.select(events)
+            .where(events.c.job == job_id, events.c.number > after)
+            .order_by(events.c.number)
+            .limit(limit)
+        )
+        return [
+            Event(row.job, row.number, row.kind, msgspec.json.decode(row.body), row.at)
+            for row in self._read(query)
+        ]
+
+    def _jobs(self, query: sa.Select) -> Iterator[JobRow]:
+        for row in self._read(query):
+            status = msgspec.json.decode(row.status)
+            job = msgspec.json.decode(row.spec, type=Job)
+            yield JobRow(row.id, row.number, job, row.priority, row.weight, row.label, row.at,
+                         status["status"], status["reason"])  # fmt: skip
+
+    # -- chunks, iterations, audits --------------------------------------------------------------------------
+
+    def append(self, finished: Iterable[tuple[str, str, int, Chunk, Origin]]) -> None:
+        """Record chunks as (job, phase, iteration, chunk, origin), all or none."""
+        self.chunks.append(finished)
+
+    def epoch(self, job_id: str) -> int:
+        """How often chunks of the job were voided."""
+        (row,) = self._read(sa.select(sa.func.max(voids.c.next_epoch)).where(voids.c.job == job_id))
+        return row[0] or 0
+
+    def cost(self, job_id: str) -> tuple[float, int]:
+        """What the job's rollouts in the record have taken: worker seconds, and simulated steps."""
+        worker_s, steps = 0.0, 0
+        for _, _, chunk in self.chunks.all_chunks(job_id):
+            worker_s += chunk.worker_s
+            steps += int(chunk.steps.sum())
+        return worker_s, steps
+
+    def add_iterations(
+        self, job_id: str, epoch: int, first: int, records: list[ce.TrainingRecord | ce.EstimationRecord]
+    ) -> None:
+        """Record what iterations first, first + 1, ... of an epoch came to; those known are left as they are."""
+        now = _now()
+        rows = [
+            {"job": job_id, "epoch": epoch, "number": first + i, "at": now,
+             "record": msgspec.json.encode(record).decode()}
+            for i, record in enumerate(records)
+        ]  # fmt: skip
+        if rows:
+            with self._write("record iterations") as connection:
+                connection.execute(insert_once(self._engine, iterations), rows)
+
+    def iterations(self, job_id: str, after: int = -1, limit: int = 1000) -> list[dict[str, Any]]:
+        """The records of the job's present epoch, in order, those after number `after`."""
+        query = (
+            sa.select(iterations)
+            .where(iterations.c.job == job_id, iterations.c.epoch == self.epoch(job_id))
+            .where(iterations.c.number > after)
+            .order_by(iterations.c.number)
+            .limit(limit)
+        )
+        return [{"number": row.number, **msgspec.json.decode(row.record)} for row in self._read(query)]
+
+    def keep_state(self, job_id: str, epoch: int, number: int, state: bytes) -> None:
+        """Keep the state that an epoch of the job has come to after `number` batches; one that is kept stays."""
+        row = {"job": job_id, "epoch": epoch, "tailroad": version("tailroad"), "number": number, "state": state,
+               "at": _now()}  # fmt: skip
+        with self._write("keep a job's state") as connection:
+            connection.execute(insert_once(self._engine, states), [row])
+
+    def kept_state(self, job_id: str) -> tuple[int, int, bytes] | None:
+        """(epoch, number, state) of the job's present epoch, where this version of tailroad has kept one."""
+        query = (
+            sa.select(states.c.epoch, states.c.number, states.c.state)
+            .where(states.c.job == job_id, states.c.epoch == self.epoch(job_id))
+            .where(states.c.tailroad == version("tailroad"))
+        )
+        return next(((row.epoch, row.number, row.state) for row in self._read(query)), None)
+
+    def add_audits(self, agreed: Iterable[AuditRow]) -> None:
+        """Record chunks that a second worker ran to the same bits."""
+        now = _now()
+        rows = [msgspec.structs.asdict(one) | {"at": now} for one in agreed]
+        with self._write("record audits") as connection:
+            connection.execute(insert_once(self._engine, audits), rows)
+
+    # -- workers that were wrong -----------------------------------------------------------------------------
+
+    def quarantine(self, worker: str, why: str) -> list[str]:
+        """Void every chunk of the worker that no other worker has confirmed, and keep its name; the jobs concerned."""
+        now = _now()
+        key = ("job", "phase", "iteration", "start", "epoch")
+        confirmed = sa.exists().where(*(chunks.c[k] == audits.c[k] for k in key))
+        voided = sa.exists().where(*(chunks.c[k] == voids.c[k] for k in key))
+        doubtful = sa.and_(chunks.c.worker == worker, ~confirmed, ~voided)
+        with self._write("quarantine a worker") as connection:
+            found = connection.scalars(sa.select(chunks.c.job).where(doubtful).distinct()).all()
+            for job_id in found:
+                last = connection.scalar(
+                    sa.select(sa.func.max(voids.c.next_epoch)).where(voids.c.job == job_id)
+                )
+                next_epoch = sa.literal((last or 0) + 1)
+                picked = sa.select(*(chunks.c[k] for k in key), next_epoch, sa.literal(why), sa.literal(now))
+                connection.execute(
+                    sa.insert(voids).from_select(
+                        [*key, "next_epoch", "reason", "at"], picked.where(doubtful, chunks.c.job == job_id)
+                    )
+                )
+            row = {"worker": worker, "reason": why, "at": now}
+            connection.execute(insert_once(self._engine, quarantine), row)
+        return list(found)
+
+    def void(
+        self, job_id: str, names: Iterable[tuple[str, int, int, int]], next_epoch: int, why: str
+    ) -> None:
+        """Void chunks, named by phase, iteration, start and epoch."""
+        now = _now()
+        rows = [
+            {"job": job_id, "phase": phase, "iteration": iteration, "start": start, "epoch": epoch,
+             "next_epoch": next_epoch, "reason": why, "at": now}
+            for phase, iteration, start, epoch in names
+        ]  # fmt: skip
+        with self._write("void rollouts") as connection:
+            connection.execute(insert_once(self._engine, voids), rows)
+
+    def quarantined(self) -> dict[str, str]:
+        """The workers that were found wrong, and what each had done."""
+        return {row.worker: row.reason for row in self._read(sa.select(quarantine))}
+
+    # -- access ----------------------------------------------------------------------------------------------
+
+    @contextmanager
+    def _write(self, what: str) -> Iterator[sa.Connection]:
+        try:
+            with writing(self._engine) as connection:
+                yield connection
+        except IntegrityError:
+            raise
+        except SQLAlchemyError as error:
+            raise StoreError(f"cannot {what} in {shown(self._engine)}: {reason(error)}") from error
+
+    def _read(self, query: sa.Select) -> list[sa.Row]:
+        try:
+            with self._engine.connect() as connection:
+                return list(connection.execute(query))
+        except SQLAlchemyError as error:
+            raise StoreError(f"cannot read {shown(self._engine)}: {reason(error)}") from error
+
+
+def _add_event(connection: sa.Connection, job_id: str, kind: str, body: dict[str, Any], now: str) -> int:
+    number = 1 + (
+        connection.scalar(sa.select(sa.func.max(events.c.number)).where(events.c.job == job_id)) or 0
+    )
+    row = {
+        "job": job_id,
+        "number": number,
+        "kind": kind,
+        "body": msgspec.json.encode(body).decode(),
+        "at": now,
+    }
+    connection.execute(sa.insert(events), row)
+    return number
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")

@@ -1,0 +1,63 @@
+"""The chunks of a database: added once, read back to the bit."""
+
+from collections.abc import Iterable, Iterator
+
+import sqlalchemy as sa
+from sqlalchemy.exc import SQLAlchemyError
+
+from service.errors import StoreError
+from service.evaluation.store.chunk import Chunk, Origin, chunk_of, row_of
+from service.evaluation.store.database import insert_once, reason, shown, writing
+from service.evaluation.store.tables import chunks, voids
+
+_KEY = ("job", "phase", "iteration", "start", "epoch")
+
+
+class ChunkRecord:
+    """The table of chunks, less those that are voided."""
+
+    def __init__(self, engine: sa.Engine):
+        self._engine = engine
+
+    def append(self, finished: Iterable[tuple[str, str, int, Chunk, Origin]]) -> None:
+        """Record finished chunks for good, all or none; one that is there already is left as it is."""
+        rows = [row_of(*one) for one in finished]
+        try:
+            with writing(self._engine) as connection:
+                connection.execute(insert_once(self._engine, chunks), rows)
+        except SQLAlchemyError as error:
+            raise StoreError(f"cannot record rollouts in {shown(self._engine)}: {reason(error)}") from error
+
+    def chunks(
+        self, job: str, phase: str, iteration: int, start: int = 0, stop: int | None = None
+    ) -> list[tuple[Chunk, Origin]]:
+        """The chunks of a batch that hold any of rows [start, stop), by start; stop = None: to its end."""
+        query = (
+            self._of(job)
+            .where(chunks.c.phase == phase, chunks.c.iteration == iteration)
+            .where(chunks.c.stop > start, sa.true() if stop is None else chunks.c.start < stop)
+            .order_by(chunks.c.start, chunks.c.epoch)
+        )
+        return [(chunk_of(row), Origin(row.digest, row.worker, row.epoch)) for row in self._read(query)]
+
+    def all_chunks(self, job: str) -> Iterator[tuple[str, int, Chunk]]:
+        """Every chunk of a job as (phase, iteration, chunk)."""
+        for phase, iteration, chunk, _ in self.with_origins(job):
+            yield phase, iteration, chunk
+
+    def with_origins(self, job: str) -> Iterator[tuple[str, int, Chunk, Origin]]:
+        """Every chunk of a job as (phase, iteration, chunk, origin)."""
+        query = self._of(job).order_by(chunks.c.phase, chunks.c.iteration, chunks.c.start, chunks.c.epoch)
+        for row in self._read(query):
+            yield row.phase, row.iteration, chunk_of(row), Origin(row.digest, row.worker, row.epoch)
+
+    def _of(self, job: str) -> sa.Select:
+        same = sa.and_(*(chunks.c[name] == voids.c[name] for name in _KEY))
+        return sa.select(chunks).where(chunks.c.job == job, ~sa.exists().where(same))
+
+    def _read(self, query: sa.Select) -> Iterator[sa.Row]:
+        try:
+            with self._engine.connect() as connection:
+                yield from connection.execute(query.execution_options(yield_per=256))
+        except (SQLAlchemyError, UnicodeError) as error:
+            raise StoreError(f"cannot read {shown(self._engine)}: {reason(error)}") from error

@@ -1,0 +1,112 @@
+"""The tables of a record, the same in SQLite and PostgreSQL. Rows are added, never changed or removed.
+
+A chunk counts unless it is voided: a chunk of a worker that was found wrong is voided, and run again in the job's next
+epoch. Of iterations the last row counts. States only spare a replay: what they say follows from the chunks.
+"""
+
+import sqlalchemy as sa
+
+VERSION = "0003"  # the newest of migrations/versions
+
+metadata = sa.MetaData()
+
+
+def _key(name: str, kind: type = sa.Text) -> sa.Column:
+    return sa.Column(name, kind, primary_key=True, autoincrement=False)
+
+
+def _chunk_key() -> list[sa.Column]:
+    return [
+        _key("job"),
+        _key("phase"),
+        _key("iteration", sa.Integer),
+        _key("start", sa.Integer),
+        _key("epoch", sa.Integer),
+    ]
+
+
+chunks = sa.Table(
+    "chunks",
+    metadata,
+    *_chunk_key(),
+    sa.Column("stop", sa.Integer, nullable=False),
+    sa.Column("f", sa.LargeBinary, nullable=False),  # float64 little-endian, NaN = failed
+    sa.Column("outcomes", sa.LargeBinary, nullable=False),  # uint8: service.evaluation.pool.OUTCOME_CODES
+    sa.Column("steps", sa.LargeBinary, nullable=False),  # int32 little-endian
+    sa.Column("errors", sa.Text, nullable=False),  # JSON: {"row": "reason"}, rows counted from `start`
+    sa.Column("worker_s", sa.Float, nullable=False),  # what it took a worker
+    sa.Column("digest", sa.Text, nullable=False),  # of the rows' x and noise seeds, "" = not known
+    sa.Column("worker", sa.Text, nullable=False),  # "" = a local process
+    sa.Index("chunks_by_worker", "worker"),
+)
+
+voids = sa.Table(
+    "voids",
+    metadata,
+    *_chunk_key(),
+    sa.Column("next_epoch", sa.Integer, nullable=False),  # in which the rows are run again
+    sa.Column("reason", sa.Text, nullable=False),
+    sa.Column("at", sa.Text, nullable=False),  # ISO 8601, UTC; so are all
+)
+
+audits = sa.Table(
+    "audits",
+    metadata,
+    *_chunk_key(),
+    _key("worker"),  # who ran the rows again, to the same bits
+    sa.Column("at", sa.Text, nullable=False),
+)
+
+jobs = sa.Table(
+    "jobs",
+    metadata,
+    _key("id"),
+    sa.Column("number", sa.Integer, nullable=False, unique=True),  # order of submission
+    sa.Column("spec", sa.Text, nullable=False),  # service.evaluation.job.Job as JSON
+    sa.Column("priority", sa.Integer, nullable=False),
+    sa.Column("weight", sa.Float, nullable=False),
+    sa.Column("label", sa.Text, nullable=False),
+    sa.Column("at", sa.Text, nullable=False),
+)
+
+events = sa.Table(
+    "events",
+    metadata,
+    _key("job"),
+    _key("number", sa.Integer),
+    sa.Column("kind", sa.Text, nullable=False),  # "status" and what else a job tells
+    sa.Column("body", sa.Text, nullable=False),  # JSON
+    sa.Column("at", sa.Text, nullable=False),
+    sa.Index("events_by_kind", "job", "kind", "number"),
+)
+
+iterations = sa.Table(
+    "iterations",
+    metadata,
+    _key("job"),
+    _key("epoch", sa.Integer),
+    _key("number", sa.Integer),
+    sa.Column("record", sa.Text, nullable=False),  # ce.TrainingRecord or ce.EstimationRecord as JSON
+    sa.Column("at", sa.Text, nullable=False),
+)
+
+quarantine = sa.Table(
+    "quarantine",
+    metadata,
+    _key("worker"),
+    sa.Column("reason", sa.Text, nullable=False),
+    sa.Column("at", sa.Text, nullable=False),
+)
+
+states = sa.Table(
+    "states",
+    metadata,
+    _key("job"),
+    _key("epoch", sa.Integer),
+    _key("tailroad"),  # the version that wrote it: another one may come to another state
+    sa.Column("number", sa.Integer, nullable=False),  # of batches taken in
+    sa.Column(
+        "state", sa.LargeBinary, nullable=False
+    ),  # of the algorithm after them, as its to_bytes writes it
+    sa.Column("at", sa.Text, nullable=False),
+)

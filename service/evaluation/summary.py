@@ -1,0 +1,125 @@
+"""What a job came to, as one JSON object, and the comparison of jobs on the same question."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+import ce
+from service.evaluation.job import Job
+from service.world.scenario.measures import measure_kind
+
+# warnings under which an importance-sampling variance estimate is itself unreliable
+SHAKY = {"no-rollouts", "no-events", "few-events", "dominant-weight", "heavy-tailed-weights"}
+
+
+def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost") -> dict[str, Any]:
+    """The object that `tailroad estimate --json` prints (DESIGN 13)."""
+    low, high = estimate.ci
+    return {
+        "p": _number(estimate.p),
+        "std_error": _number(estimate.std_error),
+        "ci": [low, high],
+        "confidence": estimate.confidence,
+        "gamma": job.gamma,
+        "method": job.method,
+        "rollouts": {
+            "total": estimate.rollouts,
+            "training": estimate.training_rollouts,
+            "estimation": estimate.estimation_rollouts,
+            "failed": estimate.failed,
+        },
+        "events": estimate.events,
+        "ess": estimate.ess,
+        "max_weight_share": estimate.max_weight_share,
+        "efficiency_vs_naive": _number(estimate.efficiency) if variance_reliable(estimate) else None,
+        "variance_reliable": variance_reliable(estimate),
+        "converged": estimate.converged,
+        "warnings": [{"name": w.name, "message": w.message, "remedy": w.remedy} for w in estimate.warnings],
+        "scenario": job.scenario.name,
+        "measure": job.scenario.safety.measure,
+        "unit": measure_kind(job.scenario.safety.measure).unit,
+        "ego": job.ego,
+        "seed": job.seed,
+        "options": job.options,
+        "tailroad": job.tailroad,
+        **cost.as_dict(),
+    }
+
+
+def variance_reliable(estimate: ce.Estimate) -> bool:
+    """Whether the estimate's own variance, and any ratio made of it, can be relied on."""
+    return not SHAKY & {w.name for w in estimate.warnings}
+
+
+class Cost:
+    """What a job cost: worker seconds and simulated seconds, and the wall clock of this sitting."""
+
+    def __init__(self, workers: int):
+        self.workers = workers
+        self.wall_s = 0.0
+        self.worker_s = 0.0
+        self.sim_s = 0.0
+
+    def add(self, worker_s: float, sim_s: float) -> None:
+        self.worker_s += worker_s
+        self.sim_s += sim_s
+
+    def as_dict(self) -> dict[str, float | int | None]:
+        return {
+            "workers": self.workers,
+            "wall_s": round(self.wall_s, 3),
+            "worker_s": round(self.worker_s, 3),
+            "sim_s": round(self.sim_s, 1),
+            "x_realtime_per_core": _number(self.sim_s / self.worker_s if self.worker_s else math.nan),
+        }
+
+
+def comparison_of(naive: ce.Estimate, other: ce.Estimate) -> dict[str, Any]:
+    """How `other` compares with naive Monte Carlo on the same question.
+
+    ratio_of_rare_events: events a rollout under the proposal over events a rollout under P0. ratio_of_variances: of
+    naive Monte Carlo with as many estimation rollouts over that of `other` (training left out, as the paper's Figure
+    2 does). efficiency: the same with training counted. Both variances of naive Monte Carlo are p (1 - p) / n with p
+    from the estimate that knows it better. difference_z: the two estimates' difference in standard errors.
+    """
+    rate = naive.events / naive.estimation_rollouts if naive.estimation_rollouts else math.nan
+    other_rate = other.events / other.estimation_rollouts if other.estimation_rollouts else math.nan
+    better = min((naive, other), key=lambda e: e.relative_half_width)
+    spread = math.hypot(naive.std_error, other.std_error)
+    variance = other.std_error**2 if other.std_error > 0.0 else math.nan
+    bernoulli = better.p * (1.0 - better.p)
+    return {
+        "ratio_of_rare_events": _number(other_rate / rate if rate else math.nan),
+        "ratio_of_variances": _number(bernoulli / max(other.estimation_rollouts, 1) / variance),
+        "efficiency": _number(bernoulli / max(other.rollouts, 1) / variance),
+        "variance_reliable": variance_reliable(other),
+        "difference_z": _number((other.p - naive.p) / spread if spread else math.nan),
+    }
+
+
+def comparisons(jobs: Sequence[Job], estimates: dict[str, ce.Estimate]) -> list[dict[str, Any]]:
+    """Every job of a run against its naive one, where there is one."""
+    naive = estimates.get("naive")
+    if naive is None:
+        return []
+    return [{"method": job.id} | comparison_of(naive, estimates[job.id]) for job in jobs if job.id != "naive"]
+
+
+def _number(value: float) -> float | None:
+    """JSON has no NaN and no infinity."""
+    return value if math.isfinite(value) else None
+
+
+def json_ready(value: Any) -> Any:
+    """The same with None for numbers that JSON has no word for."""
+    if isinstance(value, dict):
+        return {str(k): json_ready(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_ready(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

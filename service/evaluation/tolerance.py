@@ -1,0 +1,33 @@
+"""When a job stops for failed rollouts: a black box may answer late, or nonsense, or not at all."""
+
+from service.errors import TooManyFailures
+from service.evaluation.store import FAILED, Chunk
+
+JUDGED_FROM = 50  # rollouts: a share of fewer says little
+
+
+class Tolerance:
+    """Counts a job's rollouts and the failed ones; the job goes on while their share is at most `max_failed`.
+
+    max_failed: 0 stops at the first failure, 1 never stops.
+    """
+
+    def __init__(self, max_failed: float = 1.0):
+        self.max_failed = max_failed
+        self._rollouts = 0
+        self._failed = 0
+
+    def see(self, chunk: Chunk) -> None:
+        """Count a chunk; TooManyFailures where the share is passed. Such a chunk is not to be recorded, so that its
+        rollouts run again when the job is continued with the ego repaired."""
+        failed = int((chunk.outcomes == FAILED).sum())
+        rollouts = self._rollouts + chunk.stop - chunk.start
+        if failed and self._failed + failed > self.max_failed * max(rollouts, JUDGED_FROM):
+            row, reason = next(iter(sorted(chunk.errors.items())), (0, "no reason recorded"))
+            raise TooManyFailures(
+                f"{self._failed + failed} of {rollouts} rollouts failed, more than the share {self.max_failed:g} that "
+                f"is tolerated; rollout {chunk.start + row}: {reason}. What was run before is kept: put the ego right "
+                "and continue with --resume, or allow more with --max-failed"
+            )
+        self._failed += failed
+        self._rollouts = rollouts

@@ -1,0 +1,43 @@
+"""What the commands that talk to a service share: where it is, and how its answers are printed."""
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any
+
+import click
+import msgspec
+
+from service.remote.client import DEFAULT_ENDPOINT, Client
+
+
+def client_options() -> Callable:
+    """`--connect`, `--zenoh-config` and `--timeout`; the command is given `client`, which it must use as a context."""
+    options = [
+        click.option("--connect", multiple=True, default=(DEFAULT_ENDPOINT,), show_default=True,
+                     help="Zenoh endpoint of the service or a router; once for each."),
+        click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
+                     help="Zenoh configuration file, for TLS and passwords."),
+        click.option("--timeout", type=click.FloatRange(0.1, 3600), default=20.0, show_default=True,
+                     help="Seconds to wait for an answer."),
+    ]  # fmt: skip
+
+    def decorate(command: Callable) -> Callable:
+        @wraps(command)
+        def with_client(
+            *args: Any, connect: tuple[str, ...], zenoh_config: str | None, timeout: float, **others: Any
+        ) -> Any:
+            with Client(connect, zenoh_config, timeout) as client:
+                return command(*args, client=client, **others)
+
+        wrapped: Callable = with_client
+        for option in reversed(options):
+            wrapped = option(wrapped)
+        return wrapped
+
+    return decorate
+
+
+def echo_json(body: msgspec.Struct | bytes) -> None:
+    """Print an answer of the service as indented JSON."""
+    data = body if isinstance(body, bytes) else msgspec.json.encode(body)
+    click.echo(msgspec.json.format(data, indent=2).decode())

@@ -1,0 +1,88 @@
+"""`--ego` and what goes with an ego outside tailroad: these options are this process's own configuration.
+
+They are kept as environment variables (service.world.egos.settings), which worker processes take over.
+"""
+
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import click
+
+from policies.egos import ego_names
+from service.world.egos.open import REMOTE, check_ego
+from service.world.egos.settings import PYTHON_EGO, EgoSettings
+
+
+def ego_option(default: str = "lidar", multiple: bool = False) -> Callable:
+    """`--ego`, `--ego-address`, `--ego-deadline` and `--ego-patience`; the command is given `ego` alone.
+
+    multiple: `--ego` may come several times; `ego` is then a tuple, and there is no default.
+    """
+    options = [
+        click.option(
+            "--ego",
+            default=None if multiple else default,
+            show_default=not multiple,
+            multiple=multiple,
+            callback=_permit_each if multiple else _permit,
+            help=f"The driving policy under test: {', '.join(ego_names())}, sumo:MODEL for one of SUMO's "
+            "car-following models (sumo:Krauss), zenoh:NAME for a service on the network, or MODULE:CLASS for a class "
+            "of your own.",
+        ),
+        click.option(
+            "--ego-address",
+            expose_value=False,
+            is_eager=True,
+            callback=_keep("address"),
+            help="Where zenoh:NAME is: the service itself or a Zenoh router.  [default: tcp/127.0.0.1:7447]",
+        ),
+        click.option(
+            "--ego-deadline",
+            type=float,
+            expose_value=False,
+            is_eager=True,
+            callback=_keep("deadline_s"),
+            help="Seconds that zenoh:NAME may take for an answer.  [default: 1]",
+        ),
+        click.option(
+            "--ego-patience",
+            type=float,
+            expose_value=False,
+            is_eager=True,
+            callback=_keep("patience_s"),
+            help="Seconds to wait for zenoh:NAME where it is not there.  [default: 10]",
+        ),
+    ]
+
+    def decorate(command: Callable) -> Callable:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+def _keep(field: str) -> Callable:
+    def callback(ctx: click.Context, param: click.Parameter, value: Any) -> None:
+        if value is not None:
+            os.environ.update(replace(EgoSettings.from_environment(), **{field: value}).as_environment())
+
+    return callback
+
+
+def _permit_each(ctx: click.Context, param: click.Parameter, egos: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(_permit(ctx, param, ego) for ego in egos)
+
+
+def _permit(ctx: click.Context, param: click.Parameter, ego: str) -> str:
+    """Whoever types MODULE:CLASS on a command line may import it there, from the current folder too."""
+    if PYTHON_EGO.fullmatch(ego) and not ego.startswith(REMOTE):
+        settings = EgoSettings.from_environment()
+        os.environ.update(replace(settings, python=settings.python | {ego}).as_environment())
+        if os.getcwd() not in sys.path:
+            sys.path.append(os.getcwd())
+    check_ego(ego)
+    return ego

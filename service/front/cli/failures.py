@@ -1,0 +1,101 @@
+"""`tailroad failures RUN`: how the ego fails."""
+
+from pathlib import Path
+
+import click
+import msgspec
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from service.analysis.failures.events import ORDERS, Order
+from service.analysis.failures.examine import EXAMINED
+from service.analysis.failures.find import find_failures
+from service.analysis.failures.objects import Failures
+from service.analysis.failures.rerun import Rerunner
+from service.analysis.wording import quantity, significant
+from service.front.cli.options import core_count, json_option, workers_option
+from service.front.cli.progress import progress_bar
+from service.front.cli.runs import method_option, open_record, run_argument
+
+
+@click.command()
+@run_argument()
+@method_option()
+@click.option("--by", "order", type=click.Choice(ORDERS), default="likelihood", show_default=True,
+              help="What ranks first: likeliest x under P0, heaviest in the estimate, or lowest f.")  # fmt: skip
+@click.option("--limit", type=click.IntRange(1, 10_000), default=20, show_default=True,
+              help="Dangerous rollouts to list.")  # fmt: skip
+@click.option("--examine", type=click.IntRange(1), default=EXAMINED, show_default=True,
+              help="Dangerous rollouts at most to run again and group.")  # fmt: skip
+@workers_option()
+@json_option()
+def command(
+    run: Path, method: str | None, order: Order, limit: int, examine: int, workers: int | None, as_json: bool
+) -> None:
+    """The dangerous rollouts of RUN ranked by likelihood and grouped into failure modes.
+
+    Each is run again, which brings back the same motion to the bit; `tailroad replay RUN RANK` shows one.
+    """
+    record, _ = open_record(run, method)
+    with progress_bar() as bar, Rerunner(record.job, workers or core_count()) as rerunner:
+        task = bar.add_task("dangerous rollouts", total=None, note="")
+        found = find_failures(
+            run.name,
+            record,
+            rerunner,
+            order,
+            limit,
+            examine,
+            run,
+            lambda done, total: bar.update(task, completed=done, total=total),
+        ).failures
+    if as_json:
+        click.echo(msgspec.json.format(msgspec.json.encode(found), indent=2).decode())
+    else:
+        _print(run, found)
+
+
+def _print(run: Path, found: Failures) -> None:
+    console = Console()
+    console.print(
+        f"\n{found.run}: scenario {found.scenario}, ego {found.ego}, {found.method}; "
+        f"f <= {quantity(found.gamma, found.unit)} in {found.events:,} rollouts, {found.examined:,} of them grouped"
+    )
+    if found.modes:
+        level = f"{found.confidence:.0%} interval"
+        table = Table("failure mode", "events", "share of p", level, "p", level, "example")
+        for mode in found.modes:
+            (share_low, share_high), (low, high) = mode.share_ci, mode.ci
+            table.add_row(
+                Text(mode.mode, no_wrap=True),
+                f"{mode.events:,}",
+                f"{mode.share:.1%}",
+                f"{share_low:.0%} to {share_high:.0%}",
+                significant(mode.p, 2),
+                f"{significant(low, 2)} to {significant(high, 2)}",
+                f"rank {mode.example.rank}",
+            )
+        console.print(table)
+        for mode in found.modes:
+            console.print(f"[bold]{mode.mode}[/bold]: {mode.name}.", highlight=False)
+            if mode.typical:
+                console.print(f"  Typically {mode.typical}.", style="dim", highlight=False)
+    if found.failures:
+        table = Table("rank", "f, s", "failure mode", "other", "at, s", "log p0(x)", "weight", "share", "row")
+        for failure in found.failures:
+            table.add_row(
+                str(failure.rank),
+                significant(failure.f),
+                Text(failure.mode, no_wrap=True),
+                failure.other or "-",
+                "-" if failure.motion is None else f"{failure.motion.time_s:.1f}",
+                f"{failure.log_likelihood:.1f}",
+                significant(failure.weight),
+                f"{failure.share:.1%}",
+                str(failure.row),
+            )
+        console.print(table)
+        console.print(f"See one: tailroad replay {run} 1 --video rank1.mp4", highlight=False)
+    for note in found.notes:
+        console.print(f"[yellow]{note}[/yellow]")

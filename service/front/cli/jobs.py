@@ -1,0 +1,50 @@
+"""`tailroad jobs`: the jobs of a service."""
+
+import click
+from rich.console import Console
+from rich.table import Column, Table
+
+from service.analysis.wording import quantity
+from service.front.cli.client_options import client_options, echo_json
+from service.front.cli.options import json_option
+from service.remote.api.objects import Job, Jobs
+from service.remote.client import Client
+
+
+@click.command()
+@click.option("--status", type=click.Choice(("running", "paused", "done", "cancelled", "failed")),
+              help="Only jobs of this status.")  # fmt: skip
+@click.option("--label", help="Only jobs whose label holds this text.")
+@click.option("--limit", type=click.IntRange(1), default=100, show_default=True, help="The last so many.")
+@client_options()
+@json_option()
+def command(status: str | None, label: str | None, limit: int, client: Client, as_json: bool) -> None:
+    """List jobs in the order of submission."""
+    found = [
+        job
+        for job in client.all_jobs()
+        if (status is None or job.status == status) and (label is None or label in job.label)
+    ][-limit:]
+    if as_json:
+        echo_json(Jobs(items=tuple(found), next=None))
+        return
+    table = Table(
+        Column("job", no_wrap=True), "scenario", "ego", "gamma", "method", "status", "rollouts", "label"
+    )
+    for job in found:
+        event = quantity(job.gamma, job.unit)
+        table.add_row(
+            job.id, job.scenario, job.ego, event, job.method, told_status(job), counted(job), job.label
+        )
+    Console().print(table)
+
+
+def told_status(job: Job) -> str:
+    return f"{job.status}: {job.reason}" if job.reason else job.status
+
+
+def counted(job: Job) -> str:
+    """Rollouts of those at most, where the job is not over."""
+    budget = job.options.get("budget")
+    of = f" of {budget:,}" if isinstance(budget, int) else ""
+    return "" if job.rollouts is None else f"{job.rollouts:,}{of}"

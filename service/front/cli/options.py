@@ -1,0 +1,70 @@
+"""Options that several commands share."""
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from service.errors import InputError
+from service.world.scenario.measures import MEASURES
+
+MAX_SEED = 2**63 - 1
+
+
+def seed_option() -> Callable:
+    return click.option(
+        "--seed",
+        type=click.IntRange(0, MAX_SEED),
+        default=1,
+        show_default=True,
+        help="Same seed, same bits.",
+    )
+
+
+def measure_option() -> Callable:
+    return click.option(
+        "--measure",
+        help=f"The safety measure, in place of the scenario's: {', '.join(MEASURES)}; a formula as in "
+        "'stl: always(ttc_s >= 1.0)'.",
+    )
+
+
+def noise_option() -> Callable:
+    return click.option(
+        "--noise",
+        type=click.Choice(("drawn", "frozen", "searched")),
+        help="The drivers' action noise, in place of the scenario's: a stream for each rollout, one for all, or a part "
+        "of X that the method may move (for splitting).",
+    )
+
+
+def json_option() -> Callable:
+    return click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
+
+
+def finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
+    """A click callback that refuses nan and inf, which click takes for floats."""
+    if value is not None and not abs(value) < float("inf"):
+        raise click.BadParameter(f"{value} is not a finite number")
+    return value
+
+
+def core_count() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def workers_option() -> Callable:
+    return click.option(
+        "--workers",
+        type=click.IntRange(1, 1024),
+        default=None,
+        help="Local worker processes.  [default: one for each core]",
+    )
+
+
+def require_folder(path: Any, what: str) -> None:
+    """InputError when the folder that `path` shall be written to does not exist."""
+    if path is not None and not path.resolve().parent.is_dir():
+        raise InputError(f"{what} {path}: the folder {path.resolve().parent} does not exist; make it first")

@@ -1,0 +1,79 @@
+"""`tailroad replay RUN RANK`: a dangerous rollout once more, in every form that it can be looked at."""
+
+from pathlib import Path
+
+import click
+import msgspec
+
+from service.analysis.exports import Exports, write_exports
+from service.analysis.failures.events import ORDERS, Order, events_of
+from service.analysis.failures.tell import failure_told
+from service.analysis.wording import significant
+from service.errors import InputError
+from service.front.cli.options import json_option, require_folder
+from service.front.cli.runs import method_option, open_record, run_argument
+
+FILE = click.Path(dir_okay=False, path_type=Path)
+
+
+@click.command()
+@run_argument()
+@click.argument("rank", type=click.IntRange(1))
+@method_option()
+@click.option("--by", "order", type=click.Choice(ORDERS), default="likelihood", show_default=True,
+              help="The order that RANK counts in, as of `tailroad failures`.")  # fmt: skip
+@click.option("--video", type=FILE, help="Film: from above and from the ego's camera (.mp4).")
+@click.option("--fcd", type=FILE, help="SUMO's floating-car data (.xml).")
+@click.option("--trace", "table", type=FILE, help="Every vehicle at every step (.parquet).")
+@click.option("--scenario", "scenario_file", type=FILE, help="A scenario file that holds this one rollout (.toml): "
+              "`tailroad rollout FILE` runs it to the same bit.")  # fmt: skip
+@click.option(
+    "--recording", type=FILE, help="A recording (.mcap) for Foxglove and other viewers of robot logs."
+)
+@json_option()
+def command(
+    run: Path,
+    rank: int,
+    method: str | None,
+    order: Order,
+    video: Path | None,
+    fcd: Path | None,
+    table: Path | None,
+    scenario_file: Path | None,
+    recording: Path | None,
+    as_json: bool,
+) -> None:
+    """Run the dangerous rollout of RUN at RANK of `tailroad failures` again, and export it."""
+    files = {
+        "--video": video,
+        "--fcd": fcd,
+        "--trace": table,
+        "--scenario": scenario_file,
+        "--recording": recording,
+    }
+    for what, path in files.items():
+        require_folder(path, what)
+    record, _ = open_record(run, method)
+    events = events_of(record)
+    if not len(events):
+        raise InputError(f"{run} has no dangerous rollout by {record.job.method}: there is none to replay")
+    if rank > len(events):
+        raise InputError(f"rank {rank}: {run} has {len(events)} dangerous rollouts by {record.job.method}")
+    position = int(events.ranking(order)[rank - 1])
+    ((x, noise),) = events.drawn([position])
+    title = f"{run.name}, rank {rank} by {order}"
+    exports = Exports(scenario=scenario_file, fcd=fcd, mp4=video, mcap=recording, table=table)
+    again = write_exports(record.problem, x, noise, title, exports)
+    failure = failure_told(events, position, again, rank)
+    if as_json:
+        click.echo(msgspec.json.format(msgspec.json.encode(failure), indent=2).decode())
+        return
+    same = "the same to the bit as on record" if failure.same_to_the_bit else f"on record {failure.f!r} s"
+    click.echo(
+        f"{title}: {failure.mode}\nf = {significant(again.f)} s ({same}), ended with {again.outcome}; "
+        f"to {failure.other or 'background traffic'}"
+        + (f" {failure.motion.time_s:.1f} s after the start" if failure.motion else "")
+    )
+    for path in files.values():
+        if path is not None:
+            click.echo(path)

@@ -1,0 +1,63 @@
+"""`tailroad scenario list|show|check`"""
+
+import json
+from pathlib import Path
+
+import click
+import msgspec
+from rich.console import Console
+from rich.table import Table
+
+from policies.drivers import load_drivers
+from service.world.safety.measure import open_monitor
+from service.world.scenario.base import PER_VEHICLE, base_distribution
+from service.world.scenario.check import check_road
+from service.world.scenario.load import FOLDER, built_in_names, load_scenario
+
+
+@click.group()
+def command() -> None:
+    """Scenarios: which road, which vehicles, which distribution, which measure."""
+
+
+@command.command("list")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def list_(as_json: bool) -> None:
+    """The scenarios that come with tailroad."""
+    scenarios = [load_scenario(name) for name in built_in_names()]
+    if as_json:
+        click.echo(json.dumps([{"name": s.name, "description": s.description} for s in scenarios], indent=2))
+        return
+    table = Table("scenario", "vehicles", "horizon", "description")
+    for s in scenarios:
+        table.add_row(s.name, str(len(s.vehicles)), f"{s.time.horizon_s:g} s", s.description)
+    Console().print(table)
+
+
+@command.command()
+@click.argument("scenario")
+@click.option("--json", "as_json", is_flag=True, help="Print it as JSON, with every default filled in.")
+def show(scenario: str, as_json: bool) -> None:
+    """Print a scenario's file."""
+    loaded = load_scenario(scenario)
+    if as_json:
+        click.echo(msgspec.json.format(msgspec.json.encode(loaded), indent=2).decode())
+        return
+    path = FOLDER / f"{scenario}.toml" if scenario in built_in_names() else Path(scenario)
+    click.echo(path.read_text(encoding="utf-8"), nl=False)
+
+
+@command.command()
+@click.argument("scenarios", nargs=-1, required=True)
+def check(scenarios: tuple[str, ...]) -> None:
+    """Check scenarios: the file, its values, the road, the drivers' weights. Exit code 2 names what is wrong."""
+    for name in scenarios:
+        scenario = load_scenario(name)
+        road = check_road(scenario, name)
+        base = base_distribution(scenario, load_drivers(scenario.drivers.weights))
+        open_monitor(scenario, len(scenario.vehicles))
+        click.echo(
+            f"{name}: good. {len(scenario.vehicles)} vehicles on {road.name}, {road.length_m:.0f} m, "
+            f"{road.lane_left.shape[0]} lanes; at most {scenario.steps} steps of {scenario.time.step_s:g} s; "
+            f"X has {base.dim} dimensions ({len(PER_VEHICLE)} a vehicle and the driver weights)"
+        )

@@ -1,0 +1,28 @@
+"""`tailroad schema NAME`: the JSON Schema of what commands print with --json."""
+
+import json
+
+import click
+import msgspec
+
+from service.analysis.comparison.objects import Comparison
+from service.analysis.failures.objects import Failure, Failures
+from service.analysis.learned.objects import Learned
+from service.analysis.report.objects import Report
+from service.analysis.risk import Risk
+
+SCHEMAS = {
+    "failures": Failures,
+    "failure": Failure,
+    "comparison": Comparison,
+    "learned": Learned,
+    "risk": Risk,
+    "report": Report,
+}
+
+
+@click.command()
+@click.argument("name", type=click.Choice(sorted(SCHEMAS)))
+def command(name: str) -> None:
+    """Print the JSON Schema (2020-12) of an object: of `failures`, `replay` (failure), `compare`, the risk, ..."""
+    click.echo(json.dumps(msgspec.json.schema(SCHEMAS[name]), indent=2))

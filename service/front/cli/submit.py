@@ -1,0 +1,70 @@
+"""`tailroad submit`: give a job to a service."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+import msgspec
+
+from service.errors import InputError
+from service.front.cli.client_options import client_options, echo_json
+from service.front.cli.options import finite, json_option, seed_option
+from service.remote.client import Client
+
+METHODS = ("auto", "naive", "ce", "mixture", "splitting")
+
+
+@click.command()
+@click.argument("scenario", default="i80-10s")
+@click.option(
+    "--ego", default="lidar", show_default=True, help="One of those that `tailroad get egos` lists."
+)
+@click.option("--gamma", type=float, callback=finite, required=True, help="The event is f <= GAMMA (s).")
+@click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True)
+@click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True,
+              help="Rollouts at most, training included.")  # fmt: skip
+@click.option("--rel-error", type=click.FloatRange(0, min_open=True), callback=finite,
+              help="Stop when the interval's relative half-width is this small.")  # fmt: skip
+@click.option(
+    "--confidence", type=click.FloatRange(0, 1, min_open=True, max_open=True), default=0.95, show_default=True
+)
+@click.option("--option", "options", multiple=True, metavar="NAME=VALUE",
+              help="Option of the method, as in rho=0.1; once for each.")  # fmt: skip
+@seed_option()
+@click.option("--priority", type=click.IntRange(-100, 100), default=0, show_default=True,
+              help="Of two jobs the one of higher priority goes first.")  # fmt: skip
+@click.option("--weight", type=click.FloatRange(0.01, 100), callback=finite, default=1.0, show_default=True,
+              help="Share of the workers among jobs of one priority.")  # fmt: skip
+@click.option("--label", default="", help="Words of your own, to find the job by.")
+@client_options()
+@json_option()
+def command(scenario: str, options: tuple[str, ...], client: Client, as_json: bool, **others: Any) -> None:
+    """Submit a job on SCENARIO, a name that the service lists or the file of an own scenario, and print its id.
+
+    A file is sent as it is: its road and driver weights must be some that the service lists (`tailroad get scenarios`).
+    """
+    job = client.submit(as_sent(scenario), options=dict(map(option_of, options)), **others)
+    if as_json:
+        echo_json(job)
+    else:
+        click.echo(job.id)
+
+
+def as_sent(scenario: str) -> str | dict[str, Any]:
+    """A name as it is, a file as its content; ScenarioError where the file is wrong in itself."""
+    if not scenario.endswith(".toml"):
+        return scenario
+    from service.world.scenario.load import read_toml
+
+    return read_toml(Path(scenario), scenario)
+
+
+def option_of(text: str) -> tuple[str, Any]:
+    """NAME=VALUE: the value as JSON, or else as text."""
+    name, equals, value = text.partition("=")
+    if not name or not equals:
+        raise InputError(f"--option {text}: give NAME=VALUE, as in rho=0.1")
+    try:
+        return name, msgspec.json.decode(value.encode())
+    except (msgspec.DecodeError, ValueError):
+        return name, value

@@ -1,0 +1,49 @@
+"""How the ego fails: the modes with their shares, and the dangerous rollouts in order."""
+
+from typing import Any, Literal, get_args
+from urllib.parse import quote, urlencode
+
+import msgspec
+from starlette.requests import Request
+
+from service.front.dashboard.link import FOR_GOOD_S
+from service.front.dashboard.pages.job import HEAD, job_of
+from service.front.dashboard.site import Part, Site
+from service.remote.api.objects import OVER
+
+Order = Literal["likelihood", "weight", "f"]
+ORDERS = {
+    "likelihood": "likeliest under standard traffic first",
+    "weight": "those that carry most of the estimate first",
+    "f": "the most dangerous first",
+}
+ENDS = {"horizon": "drove on to the end", "finished": "reached the end of the road"}
+FEW, MANY = 20, 100
+WHILE_RUNNING_S = 30.0  # finding failures runs rollouts again: not at each batch
+
+
+async def failures(site: Site, request: Request) -> dict[str, Any]:
+    """The failures so far, as the API tells them."""
+    job = await job_of(site, request)
+    by = request.query_params.get("by", "")
+    order = by if by in get_args(Order) or by in ORDERS else "likelihood"
+    limit = MANY if request.query_params.get("all") == "1" else FEW
+    key = f"jobs/{quote(job.id, safe='')}/failures?limit={limit};by={order}"
+    found = await site.link.ask(
+        ("failures", key, job.status),
+        lambda client: msgspec.json.decode(client.get(key)),
+        FOR_GOOD_S if job.status in OVER else WHILE_RUNNING_S,
+    )
+    names = {mode["mode"]: mode["name"] for mode in found["modes"]}
+    return {"job": job, "found": found, "order": order, "orders": ORDERS, "few": FEW, "many": MANY, "names": names,
+            "ends": ENDS, "replay": lambda failure: replay_address(job.id, failure, names)}  # fmt: skip
+
+
+def replay_address(job: str, failure: dict[str, Any], names: dict[str, str]) -> str:
+    """Where a rollout is replayed. names: of modes."""
+    mode = names.get(failure["mode"], failure["mode"])
+    where = {"iteration": failure["iteration"], "rank": failure["rank"], "mode": mode}
+    return f"/jobs/{quote(job, safe='')}/rollouts/{failure['row']}?{urlencode(where)}"
+
+
+PARTS = (HEAD, Part("failures", "Failures", failures, ("status",), every_s=None))

@@ -1,0 +1,181 @@
+"""A job: what is known of p, how it came about, what the search learned, what it cost, how to run it again."""
+
+import asyncio
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import quote
+
+import msgspec
+from starlette.requests import Request
+
+from service.front.dashboard.charts import figure
+from service.front.dashboard.link import FOR_GOOD_S, MOMENT_S
+from service.front.dashboard.pages import job_charts
+from service.front.dashboard.pages.jobs import estimate_of, row_of
+from service.front.dashboard.site import Part, Site
+from service.remote.api.objects import OVER, Curve, Estimate, EstimateStep, Iterations, Job, SearchStep
+from service.remote.client import Client, Refused
+
+ITERATIONS_PAGE = 1000
+CURVE_STEPS = 41
+PRELIMINARY_S = 0.25  # after which the last batch's record stands for the estimate
+ALL_KINDS = ("status", "iteration", "progress")
+
+
+async def job_of(site: Site, request: Request) -> Job:
+    return await named(site, request.path_params["job"])
+
+
+async def named(site: Site, job: str) -> Job:
+    return await site.link.ask(("job", job), lambda client: client.job(job))
+
+
+async def head(site: Site, request: Request) -> dict[str, Any]:
+    """State, progress and what may be told to it; of one that is over its rollouts as soon as they are known."""
+    job = await job_of(site, request)
+    if job.status not in OVER:
+        return {"row": row_of(site, job, None), "job": job}
+    estimate = await estimate_by_now(site, job)
+    again_s = PRELIMINARY_S if estimate is None else None
+    return {"row": row_of(site, job, estimate), "job": job, "again_s": again_s}
+
+
+async def answer(site: Site, request: Request) -> dict[str, Any]:
+    """p with its interval, and what bears on how far it can be relied on; until the service has replayed a long record
+    for that, what the last batch came to."""
+    job = await job_of(site, request)
+    estimate = await estimate_by_now(site, job)
+    if estimate is not None:
+        return {"job": job, "estimate": estimate, "over": job.status in OVER, "last": None}
+    steps = await steps_of(site, job)
+    last = steps.estimate[-1] if steps.estimate else None
+    return {"job": job, "estimate": None, "over": job.status in OVER, "last": last, "again_s": PRELIMINARY_S}
+
+
+async def estimate_by_now(site: Site, job: Job) -> Estimate | None:
+    """The estimate; None while the service replays a long record for it."""
+    asking = asyncio.ensure_future(estimate_of(site, job))
+    asking.add_done_callback(lambda late: late.cancelled() or late.exception())
+    done, _ = await asyncio.wait([asking], timeout=PRELIMINARY_S)
+    try:
+        return asking.result() if done else None
+    except Refused as refused:
+        if refused.kind != "working":
+            raise
+        return None
+
+
+@dataclass(frozen=True)
+class Steps:
+    """What the batches came to: those of the search, and those of the estimate."""
+
+    search: tuple[SearchStep, ...]
+    estimate: tuple[EstimateStep, ...]
+
+    @property
+    def training(self) -> int:
+        """Rollouts of the search."""
+        return sum(step.rollouts for step in self.search)
+
+
+async def steps_of(site: Site, job: Job) -> Steps:
+    items = await site.link.ask(
+        ("iterations", job.id, job.status), lambda client: _all_steps(client, job.id), _keep_s(job)
+    )
+    return Steps(
+        tuple(step for step in items if isinstance(step, SearchStep)),
+        tuple(step for step in items if isinstance(step, EstimateStep)),
+    )
+
+
+async def curve_of(site: Site, job: Job, gammas: Sequence[float] | None = None) -> Curve:
+    return await site.link.ask(
+        ("curve", job.id, job.status, gammas),
+        lambda client: client.curve(job.id, gammas) if gammas else _default_curve(client, job.id),
+        _keep_s(job),
+    )
+
+
+def _default_curve(client: Client, job: str) -> Curve:
+    """From the API's own range of thresholds, which knows the job's measure."""
+    return msgspec.json.decode(
+        client.get(f"jobs/{quote(job, safe='')}/curve?steps={CURVE_STEPS}"), type=Curve
+    )
+
+
+def _all_steps(client: Client, job: str) -> list[SearchStep | EstimateStep]:
+    found: list[SearchStep | EstimateStep] = []
+    after: int | None = -1
+    while after is not None:
+        page: Iterations = client.iterations(job, after, ITERATIONS_PAGE)
+        found += page.items
+        after = page.next
+    return found
+
+
+def _keep_s(job: Job) -> float:
+    return FOR_GOOD_S if job.status in OVER else MOMENT_S
+
+
+async def course(site: Site, request: Request) -> dict[str, Any]:
+    """The estimate against rollouts, and p against the threshold."""
+    job = await job_of(site, request)
+    steps, curve = await steps_of(site, job), await curve_of(site, job)
+    estimate = await estimate_of(site, job)
+    charts = [
+        job_charts.estimate_against_rollouts(job, steps.estimate, steps.training),
+        job_charts.probability_against_threshold(job, curve, estimate),
+    ]
+    return {"figures": [figure(chart) for chart in charts]}
+
+
+async def search(site: Site, request: Request) -> dict[str, Any]:
+    """The search by iteration: thresholds, effective sample size, weights."""
+    job = await job_of(site, request)
+    steps = await steps_of(site, job)
+    return {
+        "job": job,
+        "steps": steps,
+        "over": job.status in OVER,
+        "figures": [figure(chart) for chart in job_charts.of_the_search(job, steps.search, steps.estimate)],
+    }
+
+
+async def cost(site: Site, request: Request) -> dict[str, Any]:
+    """What was spent, training apart; the settings; the commands that do it again."""
+    job = await job_of(site, request)
+    estimate = await estimate_of(site, job)
+    built_in = any(s.name == job.scenario for s in (await scenarios(site)).items)
+    return {"job": job, "estimate": estimate, "command": command_of(job), "listed": built_in}
+
+
+async def scenarios(site: Site):
+    return await site.link.ask("scenarios", lambda client: client.scenarios(), 60.0)
+
+
+def command_of(job: Job) -> str:
+    """The command that submits the same job again."""
+    words = ["tailroad", "submit", job.scenario, "--ego", job.ego, "--gamma", f"{job.gamma!r}"]
+    words += ["--method", job.method, "--seed", str(job.seed)]
+    for name, value in sorted(job.options.items()):
+        if value is None:
+            continue
+        if name in ("budget", "rel_error", "confidence"):
+            words += [f"--{name.replace('_', '-')}", _text(value)]
+        else:
+            words += ["--option", f"{name}={_text(value)}"]
+    return shlex.join(words)
+
+
+def _text(value: Any) -> str:
+    return msgspec.json.encode(value).decode()
+
+
+HEAD = Part("head", "State", head, ALL_KINDS)
+ANSWER = Part("answer", "Estimate", answer, ("status", "iteration"))
+COURSE = Part("course", "Estimate against rollouts and thresholds", course, ("status", "iteration"))
+SEARCH = Part("search", "Search by iteration", search, ("status", "iteration"))
+COST = Part("cost", "Cost and settings", cost, ("status", "iteration"))
+PARTS = (HEAD, ANSWER, COURSE, SEARCH, COST)

@@ -1,0 +1,89 @@
+"""What jobs come to beyond numbers, over the API: what the search learned, comparison, risk, report."""
+
+from dataclasses import replace
+
+import msgspec
+
+from service.analysis.comparison.compare import comparison_of
+from service.analysis.comparison.objects import Comparison
+from service.analysis.exposure import exposure_of
+from service.analysis.learned.learn import learned_of
+from service.analysis.learned.objects import Learned
+from service.analysis.report import Made, report_of
+from service.analysis.report.objects import Report
+from service.analysis.risk import Risk, baseline_of, risk_of
+from service.remote.api.background import Background
+from service.remote.api.files import File
+from service.remote.api.limits import Limits
+from service.remote.api.problems import ApiError, Wrong, short
+from service.remote.api.records import Records
+from service.remote.api.requests import AskComparison, AskLearned, AskReport, AskRisk
+from service.remote.api.reruns import Reruns
+
+
+class FindingAnswers:
+    """What is answered on jobs/ID/learned, risk, report, report.json, and on comparison."""
+
+    def __init__(self, records: Records, background: Background, limits: Limits, reruns: Reruns):
+        self._records, self._background, self._limits = records, background, limits
+        self._reruns = reruns
+
+    def learned(self, asked: AskLearned, job: str) -> Learned:
+        state, rollouts = self._records.state(job), min(asked.rollouts, self._limits.examine)
+
+        def compute() -> Learned:
+            record = self._records.record(state)
+            with self._reruns.of(record.job) as rerunner:
+                return learned_of(job, record, rerunner, rollouts)
+
+        return self._background.get(("learned", state, rollouts), compute)
+
+    def risk(self, asked: AskRisk, job: str) -> Risk:
+        baseline = baseline_of(asked.baseline, asked.source)
+        state = self._records.state(job)
+
+        def compute() -> Risk:
+            record = self._records.record(state, asked.gamma)
+            estimate = record.estimate
+            if asked.confidence is not None:
+                estimate = replace(estimate, confidence=asked.confidence)
+            with self._reruns.of(record.job) as rerunner:
+                exposure = exposure_of(record.job, record.problem.base, rerunner, estimate.confidence)
+            if exposure is None:
+                raise ApiError(
+                    "unavailable", "no rollout of P0 could be run to measure how far the ego drives"
+                )
+            return risk_of(record.job, estimate, exposure, baseline)
+
+        return self._background.get(("risk", state, asked), compute)
+
+    def comparison(self, asked: AskComparison) -> Comparison:
+        jobs = [name for name in asked.jobs.split(",") if name]
+        if not 2 <= len(set(jobs)) == len(jobs) <= self._limits.compared:
+            expected = f"2 to {self._limits.compared} different jobs, separated by commas"
+            wrong = Wrong("jobs", short(asked.jobs), expected)
+            raise ApiError("bad-parameter", f"jobs is {short(asked.jobs)!r}: give {expected}", (wrong,))
+        states = tuple(self._records.state(job) for job in jobs)
+        most = self._limits.examine if asked.examine is None else min(asked.examine, self._limits.examine)
+
+        def compute() -> Comparison:
+            found = [self._records.record(state, asked.gamma) for state in states]
+            return comparison_of(found, jobs, most, opened=self._reruns.of)
+
+        return self._background.get(("comparison", states, asked.gamma, most), compute)
+
+    def report(self, asked: AskReport, job: str) -> File:
+        return File("text/html", self._made(asked, job).html.encode())
+
+    def report_json(self, asked: AskReport, job: str) -> Report:
+        return msgspec.convert(self._made(asked, job).facts, Report)
+
+    def _made(self, asked: AskReport, job: str) -> Made:
+        baseline = baseline_of(asked.baseline, asked.source)
+        state = self._records.state(job)
+
+        def compute() -> Made:
+            record = self._records.record(state)
+            return report_of(job, [record], asked.drawn, baseline=baseline, opened=self._reruns.of)
+
+        return self._background.get(("report", state, asked), compute)

@@ -1,0 +1,121 @@
+"""Jobs over the API: submitted, listed, told what to do."""
+
+import difflib
+from dataclasses import fields
+from typing import Any
+
+import msgspec
+
+import ce
+from service.evaluation.job import held_bytes, make_job
+from service.remote.api.catalogue import Catalogue
+from service.remote.api.limits import Limits
+from service.remote.api.objects import OVER, Done, Job, Jobs
+from service.remote.api.problems import ApiError, Wrong, short
+from service.remote.api.requests import Nothing, Page, Submission
+from service.remote.fleet.service import Fleet, JobView
+
+COMMON = ("budget", "rel_error", "confidence")  # options that have a place of their own in a submission
+OF_THE_BUDGET = (
+    "estimation_rollouts",
+)  # that may be as large as it; other whole numbers are sizes of batches
+
+
+class JobAnswers:
+    """What is answered on jobs and jobs/ID."""
+
+    def __init__(self, fleet: Fleet, catalogue: Catalogue, limits: Limits):
+        self._fleet, self._catalogue, self._limits = fleet, catalogue, limits
+
+    def jobs(self, asked: Page) -> Jobs:
+        items = tuple(wire(view) for view in self._fleet.jobs(asked.after, asked.limit + 1))
+        more = len(items) > asked.limit
+        items = items[: asked.limit]
+        return Jobs(items=items, next=items[-1].number if more else None)
+
+    def job(self, asked: Nothing, job: str) -> Job:
+        return wire(self._fleet.job(job))
+
+    def submit(self, asked: Submission) -> Job:
+        if isinstance(asked.scenario, str):
+            scenario = self._catalogue.named(asked.scenario)
+        else:
+            scenario = self._catalogue.by_value(asked.scenario)
+        if asked.budget > self._limits.budget:
+            raise _too_much("budget", asked.budget, self._limits.budget)
+        self._check_options(asked)
+        common = {"budget": asked.budget, "rel_error": asked.rel_error, "confidence": asked.confidence}
+        job = make_job(scenario, asked.ego, asked.gamma, asked.method, asked.seed, common | asked.options)
+        if (held := held_bytes(job)) > self._limits.open_bytes:
+            raise _too_heavy(held, self._limits.open_bytes)
+        if self._fleet.open_jobs() >= self._limits.open_jobs:
+            raise ApiError(
+                "too-many-jobs",
+                f"there are {self._limits.open_jobs} open jobs; wait for some to end, or cancel some",
+                retry_after_s=60.0,
+            )
+        return wire(self._fleet.submit(job, asked.priority, asked.weight, asked.label))
+
+    def cancel(self, asked: Nothing, job: str) -> Done:
+        self._fleet.cancel(job)
+        return Done(job=job, order="cancel")
+
+    def pause(self, asked: Nothing, job: str) -> Done:
+        self._refuse_over(job, "paused")
+        self._fleet.pause(job)
+        return Done(job=job, order="pause")
+
+    def resume(self, asked: Nothing, job: str) -> Done:
+        self._refuse_over(job, "resumed")
+        self._fleet.resume(job)
+        return Done(job=job, order="resume")
+
+    def _refuse_over(self, job: str, what: str) -> None:
+        status = self._fleet.job(job).status
+        if status in OVER:
+            raise ApiError("bad-request", f"the job is {status}; only one that is not over can be {what}")
+
+    def _check_options(self, asked: Submission) -> None:
+        """Options by name, type and size; what values mean is checked by ce."""
+        kind = ce.OPTIONS[asked.method]
+        known = [f.name for f in fields(kind) if f.name not in COMMON]
+        for name, value in asked.options.items():
+            where = f"options.{short(name)}"
+            if name in COMMON:
+                raise ApiError(
+                    "bad-body", f"{where}: give it as {name!r} beside options", (Wrong(where, "", name),)
+                )
+            if name not in known:
+                close = difflib.get_close_matches(name, known, 1)
+                hint = f"did you mean {close[0]!r}?" if close else f"there are {', '.join(known)}"
+                raise ApiError(
+                    "bad-body",
+                    f"{where}: method {asked.method} has no such option; {hint}",
+                    (Wrong(where, "", hint),),
+                )
+            most = self._limits.budget if name in OF_THE_BUDGET else self._limits.batch_rows
+            if isinstance(value, int) and value > most:
+                raise _too_much(where, value, most)
+        try:
+            msgspec.convert(asked.options, kind)
+        except msgspec.ValidationError as error:
+            raise ApiError("bad-body", f"options of method {asked.method}: {short(str(error))}") from error
+
+
+def wire(view: JobView) -> Job:
+    """As it goes over the wire."""
+    return msgspec.convert(view, Job, from_attributes=True)
+
+
+def _too_heavy(held: int, most: int) -> ApiError:
+    text = (
+        f"the scheduler would hold up to {held / 1e6:,.0f} MB for this job, and this service takes jobs of at most "
+        f"{most / 1e6:,.0f} MB; give a smaller budget, smaller batches in options, or a scenario with fewer random "
+        "numbers"
+    )
+    return ApiError("bad-job", text, (Wrong("options", f"{held} bytes", f"at most {most} bytes"),))
+
+
+def _too_much(where: str, given: Any, most: int) -> ApiError:
+    wrong = Wrong(where, str(given), f"at most {most}")
+    return ApiError("bad-body", f"{where} is {given}: this service takes at most {most}", (wrong,))

@@ -1,0 +1,97 @@
+"""Prometheus metrics of a service, by choice (`tailroad serve --metrics HOST:PORT`)."""
+
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+
+from prometheus_client import CollectorRegistry, Counter, Histogram, start_http_server
+from prometheus_client.core import GaugeMetricFamily
+from prometheus_client.registry import Collector
+
+from service.errors import InputError
+from service.evaluation.store.jobs import Event
+from service.remote.fleet.service import Fleet
+
+SCRAPE_S = 5.0  # in which a scheduler that is well answers
+
+
+class Metrics(Collector):
+    """Counts requests and events, and reads the fleet's state when scraped."""
+
+    def __init__(self, fleet: Fleet):
+        self._fleet = fleet
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="metrics")
+        self.registry = CollectorRegistry()
+        self._requests = Counter(
+            "tailroad_api_requests", "Requests, by what was asked and HTTP status.", ("action", "status"),
+            registry=self.registry,
+        )  # fmt: skip
+        self._seconds = Histogram(
+            "tailroad_api_request_seconds", "Time to answer a request.", ("action",), registry=self.registry
+        )
+        self._ended = Counter(
+            "tailroad_jobs_ended", "Jobs that ended, by status.", ("status",), registry=self.registry
+        )
+        self._found_wrong = Counter(
+            "tailroad_quarantines", "Times that a job lost rollouts of a worker that was found wrong.",
+            registry=self.registry,
+        )  # fmt: skip
+        self.registry.register(self)
+        fleet.listen(self._on_event)
+
+    def seen(self, action: str, status: int, seconds: float) -> None:
+        """Count a request."""
+        self._requests.labels(action, str(status)).inc()
+        self._seconds.labels(action).observe(seconds)
+
+    def _on_event(self, event: Event) -> None:
+        if event.kind == "status" and event.body["status"] not in ("running", "paused"):
+            self._ended.labels(event.body["status"]).inc()
+        elif event.kind == "quarantine":
+            self._found_wrong.inc()
+
+    def describe(self) -> Iterable[GaugeMetricFamily]:
+        return ()  # registering asks nothing of the fleet
+
+    def collect(self) -> Iterable[GaugeMetricFamily]:
+        try:
+            workers = self._pool.submit(self._fleet.workers).result(SCRAPE_S)
+            open_jobs = self._pool.submit(self._fleet.open_jobs).result(SCRAPE_S)
+        except TimeoutError:
+            yield GaugeMetricFamily("tailroad_scheduler_up", "Whether the scheduler answers.", 0.0)
+            return
+        here = [w for w in workers if not w.quarantine]
+        yield GaugeMetricFamily("tailroad_scheduler_up", "Whether the scheduler answers.", 1.0)
+        yield GaugeMetricFamily("tailroad_open_jobs", "Jobs that are not over.", open_jobs)
+        yield GaugeMetricFamily("tailroad_workers", "Connected workers.", len(here))
+        yield GaugeMetricFamily("tailroad_worker_procs", "Their processes.", sum(w.procs for w in here))
+        yield GaugeMetricFamily("tailroad_leases", "Chunks that are out now.", sum(w.leases for w in here))
+        yield GaugeMetricFamily(
+            "tailroad_rollouts",
+            "Rollouts that the connected workers have answered.",
+            sum(w.rollouts for w in here),
+        )
+        yield GaugeMetricFamily(
+            "tailroad_quarantined_workers", "Workers in quarantine.", len(workers) - len(here)
+        )
+
+    def serve(self, address: str) -> "Server":
+        """Answer scrapes at HOST:PORT, or PORT of the loopback; InputError where that cannot be."""
+        host, _, port = address.rpartition(":")
+        if not (port.isascii() and port.isdigit() and 0 < int(port) < 65536):
+            raise InputError(f"--metrics {address}: give HOST:PORT, or PORT for this machine alone")
+        try:
+            return Server(*start_http_server(int(port), host.strip("[]") or "127.0.0.1", self.registry))
+        except OSError as error:
+            raise InputError(f"--metrics {address}: {error.strerror or error}") from error
+
+
+class Server:
+    """The HTTP server of the metrics."""
+
+    def __init__(self, server, thread):
+        self._server, self._thread = server, thread
+
+    def close(self) -> None:
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join()

@@ -1,0 +1,328 @@
+"""What the API answers, as it goes over the wire. Numbers that are not known, not finite or not there are null."""
+
+from typing import Any, Literal
+
+import msgspec
+
+from service.analysis.failures.playback import Playback
+from service.analysis.told import Rollouts, Warning
+
+STATUSES = ("running", "paused", "done", "cancelled", "failed")
+OVER = ("done", "cancelled", "failed")
+
+
+class _Body(msgspec.Struct, frozen=True, kw_only=True):
+    pass
+
+
+class Wrong(msgspec.Struct, frozen=True):
+    """One thing that is wrong: its name, what was given, what was expected."""
+
+    name: str
+    given: str
+    expected: str
+
+
+class Problem(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Problem details as of RFC 9457. retry_after_s: the same request may succeed after so many seconds."""
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    instance: str = ""
+    errors: tuple[Wrong, ...] = ()
+    retry_after_s: float | None = None
+
+
+class Job(_Body, frozen=True):
+    """A job and how far it is. rollouts: in the record; leases: chunks that are out now; refusals: workers that cannot
+    run it, and why."""
+
+    id: str
+    number: int  # in the order of submission
+    label: str
+    scenario: str
+    ego: str
+    gamma: float
+    method: str
+    options: dict[str, Any]
+    seed: int
+    priority: int
+    weight: float
+    at: str  # when it was submitted, UTC
+    status: Literal["running", "paused", "done", "cancelled", "failed"]
+    reason: str
+    rollouts: int | None
+    leases: int
+    refusals: dict[str, str]
+    unit: str = ""  # of gamma: that of the scenario's safety measure
+
+
+class Jobs(_Body, frozen=True):
+    """A page of jobs. next: give it as `after` for the next page; null: this was the last."""
+
+    items: tuple[Job, ...]
+    next: int | None
+
+
+class Doing(_Body, frozen=True):
+    """A chunk that a worker has now. audit: another worker has run it before; for_s: since it was given."""
+
+    job: str
+    phase: str
+    iteration: int
+    rows: int
+    audit: bool
+    for_s: float
+
+
+class Worker(_Body, frozen=True):
+    """A worker that is connected, or (quarantine: why) was found wrong. now: the chunks that it has."""
+
+    id: str
+    procs: int
+    egos: tuple[str, ...]
+    camera: bool
+    gpu: bool
+    host: str
+    versions: dict[str, str]
+    leases: int
+    chunks: int
+    rollouts: int
+    worker_s: float
+    quarantine: str
+    now: tuple[Doing, ...]
+
+
+class Tally(_Body, frozen=True):
+    """What became of chunks since the scheduler began. lost: taken back without an answer; copied: given to a second
+    worker because the first took long; audited: run again by another worker and judged; wrong: values that were not
+    the others'."""
+
+    lost: int
+    copied: int
+    audited: int
+    wrong: int
+
+
+class Workers(_Body, frozen=True):
+    """A page of workers. next: give it as `after` for the next page."""
+
+    items: tuple[Worker, ...]
+    next: str | None
+
+
+class ScenarioEntry(_Body, frozen=True):
+    """A scenario that jobs may name."""
+
+    name: str
+    description: str
+    vehicles: int
+    horizon_s: float
+    step_s: float
+    built_in: bool
+
+
+class Scenarios(_Body, frozen=True):
+    """Scenarios that jobs may name; roads and weights that scenarios given by value may name."""
+
+    items: tuple[ScenarioEntry, ...]
+    roads: tuple[str, ...]
+    weights: tuple[str, ...]
+
+
+class Ego(_Body, frozen=True):
+    """An ego that jobs may name. kind: built in, a class that the owner permits, or a service on the network."""
+
+    name: str
+    kind: Literal["built-in", "class", "service"]
+
+
+class Egos(_Body, frozen=True):
+    items: tuple[Ego, ...]
+
+
+class Estimate(_Body, frozen=True):
+    """p = P0(f(X) <= gamma) from the batches that are complete; as `tailroad estimate --json` prints it."""
+
+    job: str
+    status: str
+    p: float | None
+    std_error: float | None
+    ci: tuple[float, float]
+    confidence: float
+    gamma: float
+    method: str
+    rollouts: Rollouts
+    events: int
+    ess: float | None
+    max_weight_share: float | None
+    efficiency_vs_naive: float | None
+    variance_reliable: bool
+    converged: bool
+    warnings: tuple[Warning, ...]
+    scenario: str
+    ego: str
+    seed: int
+    options: dict[str, Any]
+    tailroad: str
+    workers: int
+    wall_s: float
+    worker_s: float
+    sim_s: float
+    x_realtime_per_core: float | None
+    unit: str = ""  # of gamma
+
+
+class CurvePoint(_Body, frozen=True):
+    gamma: float
+    p: float | None
+    std_error: float | None
+    ci: tuple[float | None, float | None]
+    events: int
+    ess: float | None
+
+
+class Curve(_Body, frozen=True):
+    """p for many thresholds from the same rollouts; the intervals are pointwise."""
+
+    job: str
+    confidence: float
+    points: tuple[CurvePoint, ...]
+
+
+class SearchStep(_Body, frozen=True, tag_field="phase", tag="train"):
+    """One iteration of the search: ce.TrainingRecord."""
+
+    number: int
+    iteration: int
+    rollouts: int
+    gamma_k: float | None
+    quantile: float | None
+    elites: int
+    ess: float | None
+    max_weight_share: float | None
+    events: int
+    infinite: int
+    failed: int
+    step: float | None
+    kl: float | None
+    summary: dict[str, float | None]
+
+
+class EstimateStep(_Body, frozen=True, tag_field="phase", tag="estimate"):
+    """The estimate after one more batch: ce.EstimationRecord."""
+
+    number: int
+    iteration: int
+    rollouts: int
+    p: float | None
+    std_error: float | None
+    low: float | None
+    high: float | None
+    ess: float | None
+    max_weight_share: float | None
+    events: int
+    failed: int
+
+
+class Iterations(_Body, frozen=True):
+    """A page of what the batches came to."""
+
+    items: tuple[SearchStep | EstimateStep, ...]
+    next: int | None
+
+
+class Event(_Body, frozen=True):
+    """Something that a job told. Those with a number are kept and numbered 1, 2, ... for each job; number 0: told once,
+    not kept (progress, iteration)."""
+
+    job: str
+    number: int
+    kind: str
+    at: str
+    body: dict[str, Any]
+
+
+class Events(_Body, frozen=True):
+    """A page of the kept events."""
+
+    items: tuple[Event, ...]
+    next: int | None
+
+
+class CameraPicture(_Body, frozen=True):
+    """What the ego's camera saw. state: its place among the states of the trace; jpeg: the picture, base64."""
+
+    state: int
+    time_s: float
+    jpeg: str
+
+
+class RolloutView(_Body, frozen=True):
+    """A rollout, run once more. f: on record; scenario: text of a scenario file that brings it back to the bit; trace:
+    columns of the state of every vehicle at every step; playback: what a player needs; camera: as many pictures as were
+    asked for. What was not asked for is null."""
+
+    job: str
+    phase: str
+    iteration: int
+    row: int
+    noise_seed: str
+    f: float | None
+    f_again: float | None
+    same_to_the_bit: bool
+    dangerous: bool
+    outcome: str
+    error: str | None
+    motion: dict[str, Any] | None
+    scenario: str
+    trace: dict[str, list[Any]] | None
+    playback: Playback | None
+    camera: tuple[CameraPicture, ...] | None
+
+
+class Done(_Body, frozen=True):
+    """The order was taken; the job's status event tells when it is carried out."""
+
+    job: str
+    order: Literal["cancel", "pause", "resume"]
+
+
+class Health(_Body, frozen=True):
+    """Whether the service can do its work. open_jobs: not over."""
+
+    status: Literal["ok"]
+    tailroad: str
+    uptime_s: float
+    workers: int
+    procs: int
+    open_jobs: int
+
+
+class Parameter(_Body, frozen=True):
+    name: str
+    expected: str
+    default: Any
+
+
+class Endpoint(_Body, frozen=True):
+    """A key, below tailroad/v1/. body, answer: names of schemas; media: the answer's media types, where it is a file
+    and not JSON (answer is null)."""
+
+    key: str
+    does: str
+    parameters: tuple[Parameter, ...]
+    body: str | None
+    answer: str | None
+    media: tuple[str, ...]
+
+
+class About(_Body, frozen=True):
+    """What this API takes and answers; schemas are at tailroad/v1/schemas/NAME."""
+
+    tailroad: str
+    endpoints: tuple[Endpoint, ...]
+    schemas: tuple[str, ...]
+    limits: dict[str, float]

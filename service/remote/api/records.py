@@ -1,0 +1,41 @@
+"""The records of jobs as answers need them, the last few kept: replaying one reads all of it."""
+
+import threading
+from collections import OrderedDict
+
+from service.evaluation.record import JobRecord
+from service.remote.fleet.service import Fleet
+
+KEPT = 4
+State = tuple[str, str, int | None]  # job, status, rollouts: what a record is of
+
+
+class Records:
+    """Of one fleet; may be called from any thread."""
+
+    def __init__(self, fleet: Fleet):
+        self.fleet = fleet
+        self._kept: OrderedDict[tuple[State, float | None], JobRecord] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def state(self, job: str) -> State:
+        """What a record of the job would be of now; NoSuchJob where there is no such job."""
+        view = self.fleet.job(job)
+        return job, view.status, view.rollouts
+
+    def record(self, state: State, gamma: float | None = None) -> JobRecord:
+        """The record; gamma: of the event f <= gamma instead of the job's own."""
+        key = state, gamma
+        with self._lock:
+            known = self._kept.get(key)
+            if known is not None:
+                self._kept.move_to_end(key)
+        if known is None:
+            known = self.fleet.record(state[0], gamma)
+            with self._lock:
+                for old in [k for k in self._kept if k[0][0] == state[0] and k[0] != state]:
+                    del self._kept[old]
+                self._kept[key] = known
+                while len(self._kept) > KEPT:
+                    self._kept.popitem(last=False)
+        return known

@@ -1,0 +1,365 @@
+"""The hub: one thread that feeds the scheduler what happens and carries out what it answers.
+
+Answers are recorded in groups, one transaction for all that came in together. Where the database takes nothing (a full
+disk, a lock), what it was to take waits here in order, and the scheduler deals out nothing until all of it is taken.
+"""
+
+import logging
+import queue
+import secrets
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import ce
+from service.errors import StoreError, TailroadError
+from service.evaluation.job import held_bytes
+from service.evaluation.store.jobs import AuditRow, Event, JobRow, JobStore
+from service.remote.fleet import events as E
+from service.remote.fleet.answers import chunk_of
+from service.remote.fleet.messages import (
+    Answer,
+    BadMessage,
+    GetJob,
+    JobSpec,
+    Refused,
+    Reply,
+    decode_request,
+    encode,
+)
+from service.remote.fleet.policy import STANDARD, Policy
+from service.remote.fleet.scheduler import Scheduler
+from service.remote.fleet.statistics import Statistics
+from service.remote.fleet.versions import digests, versions
+from service.world.egos.open import REMOTE
+
+TICK_S = 0.25
+LONGEST_STEP_S = 5.0  # between two readings of the clock; more is a jump, or a machine that slept
+RETRY_S = 1.0  # until a database that took nothing is tried again
+GROUP = 512  # events that are taken together
+OPEN = ("running", "paused")  # statuses of jobs that are not over
+
+log = logging.getLogger("tailroad.hub")
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class _Call:
+    """Something to be done in the hub's thread."""
+
+    run: Callable[[Scheduler], Any]
+    result: Future
+
+
+class Elapsed:
+    """The hub's time, s: a clock that jumps moves it by LONGEST_STEP_S at most, and never back."""
+
+    def __init__(self, clock: Callable[[], float]):
+        self._clock = clock
+        self._last = clock()
+        self._elapsed = 0.0
+
+    def now(self) -> float:
+        reading = self._clock()
+        self._elapsed += min(max(reading - self._last, 0.0), LONGEST_STEP_S)
+        self._last = reading
+        return self._elapsed
+
+
+def _held_bytes(row: JobRow) -> int:
+    try:
+        return held_bytes(row.job)
+    except (TailroadError, ce.CeError):
+        return 0  # it cannot be opened either, which is told then
+
+
+class Hub:
+    """The scheduler at work. Methods may be called from any thread; `listen` functions are called in the hub's."""
+
+    def __init__(
+        self,
+        store: JobStore,
+        policy: Policy = STANDARD,
+        clock: Callable[[], float] = time.monotonic,
+        made_of: dict[str, str] | None = None,
+        statistics_threads: int = 2,
+        on_death: Callable[[], None] = lambda: None,
+    ):
+        """on_death: called where the hub's thread ends by an error that nobody foresaw."""
+        self.store = store
+        self.statistics = Statistics(store)
+        self._time = Elapsed(clock)
+        self._scheduler = Scheduler(
+            made_of or versions(), policy, store.quarantined(), secrets.token_bytes(16)
+        )
+        self._inbox: queue.SimpleQueue[E.Event | _Call | None] = queue.SimpleQueue()
+        self._requests: dict[int, Callable[[bytes], None]] = {}
+        self._last_request = 0
+        self._request_lock = threading.Lock()
+        self._writes: deque[tuple[str, Any]] = deque()
+        self._trouble_until: float | None = None
+        self._listeners: list[Callable[[Event], None]] = []
+        self._pool = ThreadPoolExecutor(statistics_threads, thread_name_prefix="statistics")
+        self._thread = threading.Thread(target=self._run, name="hub")
+        self._stopping = False
+        self._on_death = on_death
+        self._dead = False
+
+    # -- from outside ----------------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Take up every job of the database that is not over, and go."""
+        for row in self.store.jobs_with(OPEN):
+            self.take_up(row)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread; what is in the database is all that a new hub needs."""
+        self._stopping = True
+        self._inbox.put(None)
+        self._thread.join()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def take_up(self, row: JobRow) -> None:
+        """Have a job of the database run."""
+        ego = row.job.ego
+        own = not ego.startswith(REMOTE)  # a black box may answer late on one worker and not on another
+        paused = row.status == "paused"
+        self.post(E.Submitted(row.id, ego, row.priority, row.weight, paused, own, _held_bytes(row)))
+
+    def post(self, event: E.Event) -> None:
+        self._inbox.put(event)
+
+    def call(self, run: Callable[[Scheduler], T]) -> "Future[T]":
+        """Look at the scheduler in the hub's thread; be quick, and change nothing."""
+        result: Future[T] = Future()
+        self._inbox.put(_Call(run, result))
+        if self._dead:
+            self._refuse_calls()
+        return result
+
+    def listen(self, listener: Callable[[Event], None]) -> None:
+        """Be told what jobs tell."""
+        self._listeners.append(listener)
+
+    def gone(self, worker: str) -> None:
+        self.post(E.Gone(worker))
+
+    def hear(self, worker: str, kind: str, data: bytes, answer: Callable[[bytes], None]) -> None:
+        """What `worker` said; `answer` is called once with the reply, at once or later."""
+        try:
+            message = decode_request(data)
+            if message.worker != worker:
+                raise BadMessage(f"the message is signed {message.worker!r}")
+            chunk = chunk_of(message) if isinstance(message, Answer) else None
+        except BadMessage as error:
+            log.warning("worker %s, %s: %s", worker, kind, error)
+            self.post(E.Garbled(worker, str(error)))
+            answer(encode(Refused(str(error))))
+            return
+        if isinstance(message, GetJob):
+            self._pool.submit(self._tell_job, message.job, answer)
+            return
+        with self._request_lock:
+            self._last_request += 1
+            number = self._last_request
+            self._requests[number] = answer
+        self.post(E.Said(number, message, chunk))
+
+    def _tell_job(self, job: str, answer: Callable[[bytes], None]) -> None:
+        reply: Reply
+        try:
+            problem = self.statistics.problem(job)
+            reply = JobSpec(job, problem.job, digests(problem))
+        except StoreError as error:
+            reply = Refused(str(error), again=True)
+        except (TailroadError, ValueError, OSError) as error:
+            reply = Refused(str(error))
+        answer(encode(reply))
+        if not self._is_open(job):
+            self.statistics.forget(job)
+
+    # -- the thread ------------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        try:
+            self._take_turns()
+        except (
+            BaseException
+        ):  # a panic of Zenoh's is no Exception; without this thread the service only looks alive
+            log.critical(
+                "the scheduler ends: what is in the database goes on at the next start", exc_info=True
+            )
+            self._dead = True
+            self._refuse_calls()
+            self._on_death()
+            raise
+
+    def _refuse_calls(self) -> None:
+        """Whoever waits for a thread that is no more is told."""
+        with suppress(queue.Empty):
+            while True:
+                waiting = self._inbox.get_nowait()
+                if isinstance(waiting, _Call):
+                    waiting.result.set_exception(
+                        StoreError("the scheduler has ended; start the service again")
+                    )
+
+    def _take_turns(self) -> None:
+        next_tick = self._time.now()
+        while not self._stopping:
+            for event in self._collect():
+                if isinstance(event, _Call):
+                    self._look(event)
+                elif event is not None:
+                    self._handle(event)
+            if not self._stopping and self._time.now() >= next_tick:
+                next_tick = self._time.now() + TICK_S
+                self._handle(E.Tick())
+            self._write()
+
+    def _collect(self) -> list[E.Event | _Call | None]:
+        found: list[E.Event | _Call | None] = []
+        with suppress(queue.Empty):
+            found.append(self._inbox.get(timeout=TICK_S))
+            while len(found) < GROUP:
+                found.append(self._inbox.get_nowait())
+        return found
+
+    def _look(self, call: _Call) -> None:
+        try:
+            call.result.set_result(call.run(self._scheduler))
+        except Exception as error:  # it is the caller's, whose thread waits for it
+            call.result.set_exception(error)
+
+    def _handle(self, event: E.Event) -> None:
+        for instruction in self._scheduler.handle(self._time.now(), event):
+            self._do(instruction)
+        if isinstance(event, E.Opened | E.Stepped) and not self._is_open(event.job):
+            self.statistics.forget(event.job)  # it was over before this came
+
+    def _is_open(self, job: str) -> bool:
+        """From any thread."""
+        return job in self._scheduler.jobs
+
+    def _do(self, instruction: E.Instruction) -> None:
+        if isinstance(instruction, E.Send):
+            answer = self._requests.pop(instruction.request)
+            answer(encode(instruction.reply))
+        elif isinstance(instruction, E.Open):
+            self._pool.submit(self._open, instruction)
+        elif isinstance(instruction, E.Step):
+            self._pool.submit(self._step, instruction)
+        elif isinstance(instruction, E.Tell) and not instruction.kept:
+            self._publish(Event(instruction.job, 0, instruction.kind, instruction.body, ""))
+        else:
+            self._writes.append((type(instruction).__name__, instruction))
+
+    def _publish(self, event: Event) -> None:
+        for listener in self._listeners:
+            listener(event)
+
+    # -- statistics, in their own threads --------------------------------------------------------------------
+
+    def _open(self, instruction: E.Open) -> None:
+        job, generation = instruction.job, instruction.generation
+        if not self._is_open(job):
+            return
+        try:
+            epoch, replay = self.statistics.open(job)
+        except Exception as error:  # whatever it is, it is the job's end and nobody else's
+            log.exception("job %s cannot be opened", job)
+            self.post(E.Broken(job, generation, f"{type(error).__name__}: {error}"))
+            return
+        self.post(E.Opened(job, generation, epoch, replay))
+
+    def _step(self, instruction: E.Step) -> None:
+        job, generation = instruction.job, instruction.generation
+        try:
+            replay = self.statistics.step(job, instruction.turn)
+        except Exception as error:  # as above
+            log.exception("job %s cannot go on", job)
+            self.post(E.Broken(job, generation, f"{type(error).__name__}: {error}"))
+            return
+        self.post(E.Stepped(job, generation, replay))
+
+    def _keep(self, job: str) -> None:
+        try:
+            self.statistics.keep(job)
+        except Exception:  # it only spares a replay
+            log.exception("what job %s came to is not kept", job)
+
+    # -- the database ----------------------------------------------------------------------------------------
+
+    def _write(self) -> None:
+        """Carry out what waits for the database, in order."""
+        if self._trouble_until is not None and self._time.now() < self._trouble_until:
+            return
+        try:
+            while self._writes:
+                self._write_next()
+        except StoreError as error:
+            log.error("%s; trying again", error)
+            if self._trouble_until is None:
+                self._handle(E.StoreTrouble(str(error)))
+            self._trouble_until = self._time.now() + RETRY_S
+            return
+        if self._trouble_until is not None:
+            self._trouble_until = None
+            self._handle(E.StoreWell())
+
+    def _write_next(self) -> None:
+        kind, first = self._writes[0]
+        if kind == "Record":
+            group: list[E.Record] = []
+            for other, instruction in self._writes:
+                if other != "Record" or len(group) == GROUP:
+                    break
+                group.append(instruction)
+            self.store.append((r.job, r.phase, r.iteration, r.chunk, r.origin) for r in group)
+            self._written(len(group))
+            self._handle(E.Recorded(tuple(r.ticket for r in group)))
+        elif kind == "SetStatus":
+            body = {"status": first.status, "reason": first.reason}
+            event = self.store.add_event(first.job, "status", body)
+            self._written()
+            self._publish(event)
+            if first.status not in OPEN:
+                if first.status == "done" and not self._stopping:
+                    self._pool.submit(self._keep, first.job)
+                self.statistics.forget(first.job)
+        elif kind == "Tell":
+            event = self.store.add_event(first.job, first.kind, first.body)
+            self._written()
+            self._publish(event)
+        elif kind == "Note":
+            self.store.add_iterations(first.job, first.epoch, first.first, list(first.records))
+            self._written()
+        elif kind == "Confirm":
+            row = AuditRow(first.job, first.phase, first.iteration, first.start, first.epoch, first.worker)
+            self.store.add_audits([row])
+            self._written()
+        elif kind == "Quarantine":
+            jobs = self.store.quarantine(first.worker, first.reason)
+            self._written()
+            log.warning("worker %s is in quarantine: %s", first.worker, first.reason)
+            self._handle(E.Voided(first.worker, tuple(jobs)))
+            self._reopen(jobs, first.worker)
+
+    def _written(self, count: int = 1) -> None:
+        for _ in range(count):
+            self._writes.popleft()
+
+    def _reopen(self, jobs: list[str], worker: str) -> None:
+        """Jobs that were done with rollouts of a worker found wrong since are taken up again."""
+        for name in jobs:
+            row = self.store.job(name)
+            if row is not None and row.status == "done":
+                reason = f"taken up again: rollouts of worker {worker} are void"
+                self._publish(self.store.add_event(name, "status", {"status": "running", "reason": reason}))
+                self.take_up(row)

@@ -1,0 +1,276 @@
+"""What can be asked of a fleet and told to it, as plain functions: whoever offers them to others (an API, a command)
+translates to and from its own words. Methods may be called from any thread.
+"""
+
+import secrets
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import msgspec
+
+import ce
+from service.errors import InputError
+from service.evaluation.job import Job
+from service.evaluation.record import JobRecord, replay
+from service.evaluation.store.jobs import Event, JobRow
+from service.evaluation.store.reader import JobReader
+from service.evaluation.summary import Cost, summary_of
+from service.remote.fleet import events as E
+from service.remote.fleet.errors import NoSuchJob
+from service.remote.fleet.hub import Hub
+from service.remote.fleet.scheduler import Scheduler
+from service.remote.fleet.workers import WorkerState
+from service.world.scenario.measures import measure_kind
+
+MAX_OPEN_JOBS = 1000
+MAX_THRESHOLDS = 1000
+
+
+class JobView(msgspec.Struct, frozen=True):
+    """A job and how far it is. rollouts: in the record; planned: at most; leases: chunks that are out now."""
+
+    id: str
+    number: int
+    label: str
+    scenario: str
+    ego: str
+    gamma: float
+    unit: str  # of gamma, "" where the measure has none
+    method: str
+    options: dict[str, Any]
+    seed: int
+    priority: int
+    weight: float
+    at: str
+    status: str  # running, paused, done, cancelled or failed
+    reason: str
+    rollouts: int | None = None  # None for a job that is over; the estimate has them
+    leases: int = 0
+    refusals: dict[str, str] = {}  # workers that cannot run it, and why
+
+
+class Doing(msgspec.Struct, frozen=True):
+    """A chunk that a worker has now. audit: another worker has run it before; for_s: since it was given."""
+
+    job: str
+    phase: str
+    iteration: int
+    rows: int
+    audit: bool
+    for_s: float
+
+
+class Tally(msgspec.Struct, frozen=True):
+    """What became of chunks since the scheduler began (`service.remote.fleet.workers.Tally`)."""
+
+    lost: int
+    copied: int
+    audited: int
+    wrong: int
+
+
+class WorkerView(msgspec.Struct, frozen=True):
+    """A worker that is connected, or (quarantine) was found wrong."""
+
+    id: str
+    procs: int = 0
+    egos: tuple[str, ...] = ()
+    camera: bool = False
+    gpu: bool = False
+    host: str = ""
+    versions: dict[str, str] = {}
+    leases: int = 0
+    chunks: int = 0
+    rollouts: int = 0
+    worker_s: float = 0.0
+    quarantine: str = ""
+    now: tuple[Doing, ...] = ()
+
+
+class Fleet:
+    """The fleet of a hub."""
+
+    def __init__(self, hub: Hub):
+        self._hub = hub
+        self._store = hub.store
+        self._submitting = threading.Lock()
+
+    # -- jobs ------------------------------------------------------------------------------------------------
+
+    def submit(self, job: Job, priority: int = 0, weight: float = 1.0, label: str = "") -> JobView:
+        """Record a job and have it run. Of two jobs the one of higher priority goes first; jobs of one priority share
+        the workers by weight. InputError for values out of range or too many open jobs."""
+        if not -100 <= priority <= 100:
+            raise InputError(f"priority {priority}: give a whole number from -100 to 100")
+        if not 0.01 <= weight <= 100.0:
+            raise InputError(f"weight {weight}: give a number from 0.01 to 100")
+        if len(label) > 200:
+            raise InputError(f"the label has {len(label)} characters; give at most 200")
+        with self._submitting:  # so that of several that come together each counts those before it
+            if self.open_jobs() >= MAX_OPEN_JOBS:
+                raise InputError(f"there are {MAX_OPEN_JOBS} open jobs; wait for some to end, or cancel some")
+            row = self._store.add_job(f"j{secrets.token_hex(6)}", job, priority, weight, label, "running")
+            self._hub.take_up(row)
+        return self._view(row, {})
+
+    def jobs(self, after: int = 0, limit: int = 100) -> list[JobView]:
+        """Jobs in the order of submission, those after number `after`."""
+        told = self._progress()
+        return [self._view(row, told) for row in self._store.jobs(after, limit)]
+
+    def job(self, job: str) -> JobView:
+        """NoSuchJob for a job that there is not; so do all that follow."""
+        return self._view(self._row(job), self._progress())
+
+    def open_jobs(self) -> int:
+        """How many jobs are not over."""
+        return self._hub.call(lambda scheduler: len(scheduler.jobs)).result()
+
+    def cancel(self, job: str) -> None:
+        """End a job for good; one that is over stays as it is."""
+        self._tell(job, E.Cancelled(job))
+
+    def pause(self, job: str) -> None:
+        """Run none of the job's rollouts until `resume`."""
+        self._tell(job, E.Paused(job))
+
+    def resume(self, job: str) -> None:
+        self._tell(job, E.Resumed(job))
+
+    # -- what they come to -----------------------------------------------------------------------------------
+
+    def at_hand(self, job: str) -> bool:
+        """Whether estimate and curve answer at once, without replaying the record."""
+        self._row(job)
+        return self._hub.statistics.at_hand(job)
+
+    def make_ready(self, job: str) -> None:
+        """Replay the record of a job that is over; a long one takes minutes."""
+        self._hub.statistics.last(job)
+
+    def estimate(
+        self, job: str, gamma: float | None = None, confidence: float | None = None
+    ) -> dict[str, Any]:
+        """The estimate so far as `tailroad estimate --json` prints it, from the batches that are complete; at another
+        threshold or confidence where given."""
+        row, found = self._row(job), self._estimate(job, gamma, confidence)
+        cost = Cost(0)
+        worker_s, steps = self._store.cost(job)
+        cost.add(worker_s, steps * row.job.scenario.time.step_s)
+        return summary_of(msgspec.structs.replace(row.job, gamma=found.gamma), found, cost)
+
+    def curve(self, job: str, gammas: Sequence[float], confidence: float | None = None) -> ce.Curve:
+        """p and its pointwise interval at each threshold, from the same rollouts."""
+        if not 1 <= len(gammas) <= MAX_THRESHOLDS:
+            raise InputError(f"{len(gammas)} thresholds; give 1 to {MAX_THRESHOLDS}")
+        return self._estimate(job, None, confidence).curve(gammas)
+
+    def iterations(self, job: str, after: int = -1, limit: int = 1000) -> list[dict[str, Any]]:
+        """What each batch came to (ce.TrainingRecord, ce.EstimationRecord), with its number."""
+        self._row(job)
+        return self._store.iterations(job, after, limit)
+
+    def record(self, job: str, gamma: float | None = None) -> JobRecord:
+        """The job's whole record, replayed: failures, dangerous rollouts, the seeds that bring a rollout back. It reads
+        everything; keep it rather than ask again. gamma: of the event f <= gamma instead of the job's own."""
+        return replay(self.reader(job), self._row(job).job, gamma)
+
+    def reader(self, job: str) -> JobReader:
+        """The job's chunks, as `service.evaluation.record` and `service.analysis.report` read a run directory."""
+        return JobReader(self._store, self._row(job))
+
+    # -- what they tell --------------------------------------------------------------------------------------
+
+    def events(self, job: str, after: int = 0, limit: int = 1000) -> list[Event]:
+        """What the job told after event number `after`: its statuses and what is worth keeping."""
+        self._row(job)
+        return self._store.events(job, after, limit)
+
+    def listen(self, listener: Callable[[Event], None]) -> None:
+        """Be told what jobs tell, as it happens, in the hub's thread: be quick. Progress and iterations come with
+        number 0 and are not kept."""
+        self._hub.listen(listener)
+
+    # -- workers ---------------------------------------------------------------------------------------------
+
+    def workers(self) -> list[WorkerView]:
+        """Those connected now, and those in quarantine."""
+        return self._hub.call(_workers).result()
+
+    def tally(self) -> Tally:
+        """Lost, copied and audited chunks."""
+        return self._hub.call(
+            lambda scheduler: msgspec.convert(scheduler.workers.tally, Tally, from_attributes=True)
+        ).result()
+
+    # -- inside ----------------------------------------------------------------------------------------------
+
+    def _row(self, job: str) -> JobRow:
+        row = self._store.job(job)
+        if row is None:
+            raise NoSuchJob(job)
+        return row
+
+    def _tell(self, job: str, event: E.Event) -> None:
+        self._row(job)
+        self._hub.post(event)
+
+    def _estimate(self, job: str, gamma: float | None, confidence: float | None) -> ce.Estimate:
+        problem, turn = self._hub.statistics.last(job)
+        found = problem.algorithm.estimate(turn.state)
+        if confidence is not None:
+            if not 0.0 < confidence < 1.0:
+                raise InputError(f"confidence {confidence}: give a number between 0 and 1")
+            found = replace(found, confidence=confidence)
+        if gamma is not None:
+            if not abs(gamma) < float("inf"):
+                raise InputError(f"gamma {gamma}: give a finite number")
+            found = replace(found, gamma=gamma)
+        return found
+
+    def _progress(self) -> dict[str, tuple[int, int, dict[str, str]]]:
+        return self._hub.call(_progress).result()
+
+    def _view(self, row: JobRow, told: dict[str, tuple[int, int, dict[str, str]]]) -> JobView:
+        rollouts, leases, refusals = told.get(row.id, (None, 0, {}))
+        job = row.job
+        return JobView(row.id, row.number, row.label, job.scenario.name, job.ego, job.gamma,
+                       measure_kind(job.scenario.safety.measure).unit, job.method, job.options,
+                       job.seed, row.priority, row.weight, row.at, row.status, row.reason, rollouts, leases,
+                       refusals)  # fmt: skip
+
+
+def _progress(scheduler: Scheduler) -> dict[str, tuple[int, int, dict[str, str]]]:
+    leases: dict[str, int] = {}
+    for held in scheduler.workers.leases.values():
+        leases[held.key.job] = leases.get(held.key.job, 0) + 1
+    return {j.id: (j.rollouts, leases.get(j.id, 0), dict(j.refused)) for j in scheduler.jobs.values()}
+
+
+def _doing(scheduler: Scheduler, worker: WorkerState) -> tuple[Doing, ...]:
+    held = [scheduler.workers.leases[lease] for lease in sorted(worker.leases)]
+    return tuple(
+        Doing(
+            key.job,
+            key.phase,
+            key.iteration,
+            key.stop - key.start,
+            h.audit,
+            round(scheduler.now - h.since, 1),
+        )
+        for h in held
+        for key in (h.key,)
+    )
+
+
+def _workers(scheduler: Scheduler) -> list[WorkerView]:
+    known = scheduler.workers
+    here = [
+        WorkerView(w.id, c.procs, c.egos, c.camera, c.gpu, c.host, c.versions, len(w.leases), w.chunks, w.rollouts,
+                   w.worker_s, now=_doing(scheduler, w))
+        for w in known.here.values()
+        for c in (w.capabilities,)
+    ]  # fmt: skip
+    return here + [WorkerView(name, quarantine=why) for name, why in known.quarantined.items()]

@@ -1,0 +1,139 @@
+"""A job's turn: the algorithm's state, the batch it proposes and what is known of its f.
+
+This is `service.evaluation.evaluate` cut at the point where it waits for rollouts: `open_turn` replays the record as
+far as it goes, `next_turn` takes in an answered batch.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+import ce
+from service.errors import StoreError
+from service.evaluation.store import Chunk, Origin
+
+ReadChunks = Callable[[str, int, int, int], list[tuple[Chunk, Origin]]]  # of (phase, iteration, start, stop)
+ChunkName = tuple[str, int, int, int]  # phase, iteration, start, epoch
+IterationRecord = ce.TrainingRecord | ce.EstimationRecord
+
+
+@dataclass(frozen=True)
+class Turn:
+    """After `number` answered batches. f: (n,) of the batch, as far as `done` (n,); hashes: (n,) of its rows.
+
+    batch = None: the algorithm has finished.
+    """
+
+    number: int
+    state: Any
+    batch: ce.Batch | None
+    f: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    done: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    hashes: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.uint64))
+
+    def digest(self, start: int, stop: int) -> str:
+        """Of rows [start, stop) of the batch, counted as the batch counts them."""
+        assert self.batch is not None
+        return rows_digest(self.hashes[start - self.batch.start : stop - self.batch.start])
+
+
+def row_hashes(x: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """A 64-bit number for each row of x (n, d) and noise seed (n,), that differs where a bit differs.
+
+    Against accidents, not against forgers.
+    """
+    multipliers = (
+        np.random.Generator(np.random.Philox(x.shape[1])).bit_generator.random_raw(x.shape[1] + 1) | 1
+    )
+    words = np.ascontiguousarray(x, dtype="<f8").view(np.uint64)
+    sums = np.empty(len(noise), dtype=np.uint64)
+    for first in range(0, len(noise), 256):  # a few rows at a time stay in the cache
+        part = slice(first, first + 256)
+        mixed = words[part] ^ (words[part] >> np.uint64(32))
+        sums[part] = (mixed * multipliers[:-1]).sum(axis=1, dtype=np.uint64)
+    return sums + noise.astype(np.uint64) * multipliers[-1]
+
+
+def rows_digest(hashes: np.ndarray) -> str:
+    """One digest for some rows' hashes, in their order."""
+    places = np.arange(1, 2 * hashes.size, 2, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    return f"{int((hashes * places).sum(dtype=np.uint64)):016x}"
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Where the recorded chunks take a job. records: of the batches answered on the way; rollouts: of theirs and the
+    open batch's in the record; stale: chunks of rows that the batches do not have."""
+
+    turn: Turn
+    records: tuple[IterationRecord, ...]
+    rollouts: int
+    stale: tuple[ChunkName, ...]
+
+
+def open_turn(algorithm: ce.Algorithm, seed: int, epoch: int, read: ReadChunks) -> Replay:
+    """The job from its beginning, as far as its record goes."""
+    return _replayed(algorithm, _turn(algorithm, 0, algorithm.init(seed)), epoch, read)
+
+
+def next_turn(algorithm: ce.Algorithm, turn: Turn, epoch: int, read: ReadChunks) -> Replay:
+    """From a turn whose batch is answered in full, as far as the record goes."""
+    after, record = _answered(algorithm, turn)
+    later = _replayed(algorithm, after, epoch, read)
+    return replace(later, records=(record, *later.records))
+
+
+def _replayed(algorithm: ce.Algorithm, turn: Turn, epoch: int, read: ReadChunks) -> Replay:
+    records: list[IterationRecord] = []
+    stale: list[ChunkName] = []
+    rollouts = 0
+    while turn.batch is not None:
+        turn, others = _filled(turn, epoch, read)
+        stale += others
+        rollouts += int(np.count_nonzero(turn.done))
+        if not turn.done.all():
+            break
+        turn, record = _answered(algorithm, turn)
+        records.append(record)
+    return Replay(turn, tuple(records), rollouts, tuple(stale))
+
+
+def _answered(algorithm: ce.Algorithm, turn: Turn) -> tuple[Turn, IterationRecord]:
+    assert turn.batch is not None
+    state, record = algorithm.update(turn.state, turn.batch, turn.f)
+    return _turn(algorithm, turn.number + 1, state), record
+
+
+def _turn(algorithm: ce.Algorithm, number: int, state: Any) -> Turn:
+    batch = algorithm.propose(state)
+    if batch is None:
+        return Turn(number, state, None)
+    n = batch.stop - batch.start
+    return Turn(number, state, batch, np.full(n, np.nan), np.zeros(n, bool), row_hashes(batch.x, batch.noise))
+
+
+def _filled(turn: Turn, epoch: int, read: ReadChunks) -> tuple[Turn, list[ChunkName]]:
+    """The turn with what the record has of its batch, and the chunks that are of other rows than the batch's.
+
+    Those are from before an earlier chunk was voided. In the present epoch there can be none: StoreError.
+    """
+    batch = turn.batch
+    assert batch is not None
+    f, done = turn.f.copy(), turn.done.copy()
+    stale: list[ChunkName] = []
+    for chunk, origin in read(batch.phase, batch.iteration, batch.start, batch.stop):
+        first, last = max(chunk.start, batch.start), min(chunk.stop, batch.stop)
+        whole = (first, last) == (chunk.start, chunk.stop)
+        if origin.digest and not (whole and origin.digest == turn.digest(first, last)):
+            if origin.epoch == epoch:
+                raise StoreError(
+                    f"recorded rollouts [{chunk.start}, {chunk.stop}) of {batch.phase} {batch.iteration} are of other "
+                    "random draws than this job makes here; go on with the software the job was begun with"
+                )
+            stale.append((batch.phase, batch.iteration, chunk.start, origin.epoch))
+            continue
+        f[first - batch.start : last - batch.start] = chunk.f[first - chunk.start : last - chunk.start]
+        done[first - batch.start : last - batch.start] = True
+    return replace(turn, f=f, done=done), stale

@@ -1,6 +1,0 @@
-"""Scenarios: validated TOML files that say which road, which vehicles, which distribution and which measure."""
-
-from service.scenario.load import built_in_names, load_scenario
-from service.scenario.schema import Scenario
-
-__all__ = ["Scenario", "built_in_names", "load_scenario"]

@@ -1,7 +1,0 @@
-"""What was run, kept for good: run directories of `tailroad estimate`, and the database of a fleet."""
-
-from service.store.chunk import FAILED, Chunk, Origin, failed_chunk
-from service.store.directory import RunDirectory
-from service.store.source import ChunkSource
-
-__all__ = ["FAILED", "Chunk", "ChunkSource", "Origin", "RunDirectory", "failed_chunk"]

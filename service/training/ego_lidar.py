@@ -1,0 +1,230 @@
+"""Train the lidar ego: an imitation network on the same 51 values, driven by its mean action.
+
+    tailroad train ego-lidar --data DIR --out DIR --seed 1
+
+It learns from the same recordings as the drivers, lane changes left out, by squared error, and from states that it
+reaches itself on the I-80 road, alone with its like and among the shipped drivers, labelled by an expert that keeps its
+lane, gives way to a neighbour who comes too close, and follows more carefully than the recorded average (CAREFUL
+below): it is meant to be a competent driver, not an average one. Written to --out:
+ego-lidar.safetensors with its card ego-lidar.json. Minutes on one core; an interrupted run continues after its last
+finished stage.
+"""
+
+import json
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from rich.progress import Progress
+
+from policies.data.recordings import load_recordings
+from policies.drivers import load_drivers, save_drivers
+from policies.layout import HEAD_SIZE, OUTPUTS
+from service.training import metrics
+from service.training.aggregation import visited, visited_among
+from service.training.demonstrations import AGGREGATED, Rows, held_out_vehicles, joined
+from service.training.device import described, device_of
+from service.training.drivers import Stages, command, data_card, parse, public, rows_of, versions
+from service.training.expert import Expert, evidence, fit, lateral_speed, mean_action
+from service.training.lane_changes import KeepingExpert
+from service.training.network import (
+    ACTION_SCALE,
+    DriverNet,
+    exported,
+    input_statistics,
+    network_features,
+    train,
+)
+from service.training.world import Network
+from service.world.sim.road import i80_road
+
+# What the ego's expert does otherwise than the fitted average driver (Treiber and Kesting 2013, table 11.2: freeway).
+CAREFUL = {
+    "time_headway_s": 1.2,
+    "comfort_mps2": 1.5,
+    "acceleration_mps2": 1.0,
+    "lateral_rate_per_s": 0.6,
+}
+CHANGING_MPS = (
+    0.3  # recorded rows with more lateral speed belong to lane changes, which this ego does not make
+)
+EXPLORATION_LOG_STD = -2.0  # of the action noise while states are collected
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Every argument of the training; the defaults made the shipped weights."""
+
+    data: Path  # the data pack's folder, or one of imported tables
+    out: Path  # where the weights and their card go
+    seed: int = 1
+    drivers: str = "drivers-gail"  # weights of the drivers around the ego
+    rounds: int = 4  # of aggregation
+    rollouts: int = 80  # of six egos, in each round
+    among: int = 1200  # rollouts of one ego among drivers, in each round
+    urgency: float = 2.0  # added weight of a visited state for each m/s^2 that its expert brakes
+    first_steps: int = 1500  # of AdamW on the recordings alone, before the first round
+    round_steps: int = 1500  # in each round
+    final_steps: int = 8_000  # on all rows
+    batch: int = 1024
+    recorded_share: float = 0.15  # of the rows in a batch
+    perturbed_share: float = 0.15
+    check_rollouts: int = 10_000  # of the final check on the whole road
+    threads: int = 1
+    device: str = "cpu"  # auto, cpu or cuda (service.training.device); the shipped weights are a CPU's
+
+
+def main() -> None:
+    arguments = parse(Arguments, __doc__)
+    began = time.time()
+
+    # Randomness: everything below draws from these.
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    device = device_of(arguments.device)
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence([arguments.seed, 2]).spawn(4)]
+    rows_rng, visit_rng, train_rng, check_rng = streams
+
+    model = load_drivers(arguments.drivers)
+    stages = Stages(arguments)
+    with Progress() as progress:
+        recordings = load_recordings(arguments.data)
+        scenes = recordings.scenes
+        recorded, perturbed = stages.get("rows", lambda: rows_of(scenes, rows_rng))
+        perturbed = lane_keeping(perturbed)
+        found = evidence(recordings.following, scenes, [~held_out_vehicles(scene) for scene in scenes])
+        expert = replace(fit(found, KeepingExpert()), **CAREFUL)
+        road = i80_road()
+        drivers = Network(
+            model.w1, model.b1, model.w2, model.b2, model.mu0.astype(np.float32), model.action_scale
+        )
+        root = np.linalg.cholesky(model.sigma0)
+
+        def draw(rng: np.random.Generator) -> Network:
+            xi = model.mu0 + root @ rng.standard_normal(HEAD_SIZE)
+            return drivers._replace(head=xi.astype(np.float32))
+
+        net, aggregated = stages.get(
+            "network",
+            lambda: train_network(
+                arguments, recorded, perturbed, expert, road, draw, visit_rng, train_rng, progress, device
+            ),
+        )
+        network = exported(net, aggregated.seen)
+        task = progress.add_task("whole road", total=arguments.check_rollouts)
+        on_road = metrics.whole_road(
+            draw,
+            road,
+            arguments.check_rollouts,
+            check_rng,
+            ego=network,
+            tick=lambda: progress.update(task, advance=1),
+        )
+        loop = {
+            name: metrics.closed_loop(
+                lambda _: network, part, (5.0, 10.0, 20.0), check_rng, samples=1, ego=True
+            )
+            for name, part in recordings.sites.items()
+        }
+        held = recorded.where(recorded.held_out)
+        h = np.column_stack([network_features(network, held.seen), np.ones(len(held))])
+        error = (h @ network.head.reshape(-1, OUTPUTS))[:, :2] * ACTION_SCALE - held.action
+        behind = metrics.brakes_for_leader(quiet(network), road, check_rng)
+
+    card = {
+        "name": "ego-lidar",
+        "what": "ego policy under test: network 51-200-100-2 on lidar and lane position, mean action, no noise",
+        "method": "behaviour cloning (squared error), noise injection, data set aggregation with a careful expert",
+        "command": command("service.training.ego_lidar", arguments),
+        "seed": arguments.seed,
+        "arguments": public(arguments),
+        "data": data_card(arguments, recordings, recorded, perturbed, aggregated),
+        "expert": expert.as_dict(),
+        "action_scale": ACTION_SCALE.tolist(),
+        "metrics": {
+            "p0_whole_road_among_drivers": {"drivers": arguments.drivers, **on_road},
+            "behind_a_slower_vehicle": behind,
+            "held_out_open_loop": {
+                "rows": len(held),
+                "rmse_accel_mps2": round(float(np.sqrt(np.mean(error[:, 0] ** 2))), 4),
+                "rmse_turn_rate_radps": round(float(np.sqrt(np.mean(error[:, 1] ** 2))), 5),
+            },
+            "held_out_closed_loop": loop,
+        },
+        "limits": [
+            "Most of what it does on the almost empty road of the i80 scenario comes from the expert's labels.",
+            "Its expert keeps its lane, follows its leader and moves over for a neighbour who comes too close; "
+            "it does not brake for a vehicle that is about to change into its lane.",
+            "Twenty beams: a vehicle between two beams is not seen.",
+        ],
+        "versions": versions(),
+        "device": described(device),
+        "training_s": round(time.time() - began),
+    }
+    arrays = {
+        "w1": network.w1, "b1": network.b1, "w2": network.w2, "b2": network.b2, "mu0": quiet(network).head,
+        "sigma0": np.zeros((HEAD_SIZE, HEAD_SIZE)), "action_scale": ACTION_SCALE,
+    }  # fmt: skip
+    path = save_drivers(arguments.out / "ego-lidar.safetensors", arrays, card)
+    stages.clear()
+    print(json.dumps(card["metrics"], indent=1))
+    print(f"written: {path} and its card, after {time.time() - began:.0f} s")
+
+
+def quiet(network: Network, log_std: float = -5.0) -> Network:
+    """The network with the same small log standard deviations everywhere."""
+    head = network.head.reshape(-1, OUTPUTS).copy()
+    head[:, 2:] = 0.0
+    head[-1, 2:] = log_std
+    return network._replace(head=head.reshape(-1))
+
+
+def urgency(arguments, rows: Rows, expert: Expert) -> np.ndarray:
+    """Shares (n,) of rows in a batch, adding to 1: states that call for hard braking are few and matter most."""
+    weight = np.ones(len(rows))
+    if rows.kind[0] == AGGREGATED:
+        weight += arguments.urgency * np.clip(-mean_action(expert, rows.seen)[:, 0], 0.0, None)
+    return weight / weight.sum()
+
+
+def lane_keeping(rows: Rows) -> Rows:
+    """The rows of drivers who are not changing lanes."""
+    return rows.where(np.abs(lateral_speed(rows.seen)) < CHANGING_MPS)
+
+
+def train_network(
+    arguments, recorded, perturbed, expert: Expert, road, draw, visit_rng, train_rng, progress, device
+):
+    """The network trained on everything, and the rows aggregated on the way."""
+    learn = lane_keeping(recorded.where(~recorded.held_out))
+    wide = np.concatenate([learn.seen, perturbed.seen])
+    net, aggregated = DriverNet(*input_statistics(wide)).to(device), None
+    for turn in range(arguments.rounds + 1):
+        last = turn == arguments.rounds
+        steps = arguments.final_steps if last else (arguments.round_steps if turn else arguments.first_steps)
+        parts = [learn, perturbed] + ([aggregated] if aggregated is not None else [])
+        seen = np.concatenate([part.seen for part in parts])
+        action = np.concatenate(
+            [part.action if part.kind[0] != AGGREGATED else mean_action(expert, part.seen) for part in parts]
+        )
+        shares = [arguments.recorded_share, arguments.perturbed_share]
+        shares.append(1.0 - sum(shares))
+        weight = np.concatenate(
+            [s * urgency(arguments, part, expert) for part, s in zip(parts, shares, strict=False)]
+        )
+        train(net, seen, action, np.zeros_like(action), weight, steps, train_rng, batch=arguments.batch,
+              progress=progress, label=f"round {turn} of {arguments.rounds}", deterministic=True)  # fmt: skip
+        if not last:
+            exploring = quiet(exported(net, seen[-20000:]), EXPLORATION_LOG_STD)
+            new = visited(exploring, road, arguments.rollouts, visit_rng)
+            among = visited_among(exploring, draw, road, arguments.among, visit_rng)
+            aggregated = joined([part for part in (aggregated, new, among) if part is not None])
+            if turn == 0:  # inputs of the scenario lie outside the recordings' range: standardise for both
+                net = DriverNet(*input_statistics(np.concatenate([wide, new.seen]))).to(device)
+    return net.cpu(), aggregated
+
+
+if __name__ == "__main__":
+    main()

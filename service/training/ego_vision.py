@@ -1,0 +1,210 @@
+"""Train the vision ego: it learns from pictures of I-80 to drive as an expert does who knows where the lanes are.
+
+    tailroad train ego-vision --out DIR --seed 1
+
+No recordings are needed. The expert keeps its lane, follows carefully and gives way to a neighbour who comes too close
+(service.training.lane_changes.KeepingExpert); it labels moments scattered over the road, then moments that the network
+itself reaches while it drives among the shipped drivers (data set aggregation, Ross et al. 2011). Pictures are rendered
+while it learns, in a weather drawn anew each time, so no picture is seen twice. Besides the action the features learn
+to tell lane offset, heading and curvature; that part is not exported. Written to --out: ego-vision.onnx and its card
+ego-vision.json. Half an hour on a free core; an interrupted run goes on after its last finished round, and within a
+round at its last checkpoint.
+"""
+
+import json
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from rich.progress import Progress
+from torch.nn.functional import smooth_l1_loss
+
+from policies import layout
+from policies.egos.vision import VisionEgo, beside
+from service.training.drivers import Stages, parse, public, versions
+from service.training.ego_vision_figures import figures
+from service.training.ego_vision_network import ACTION_SCALE, CHANNELS, HINT_SCALE, VisionNet, export
+from service.training.ego_vision_world import WEATHER_KINDS, States, VisionWorld
+from service.training.expert import mean_action
+from service.training.lane_changes import KeepingExpert
+
+EXPERT = KeepingExpert(
+    time_headway_s=1.2,
+    comfort_mps2=1.5,
+    acceleration_mps2=1.0,
+    desired_speed_mps=21.0,
+    lateral_rate_per_s=0.6,
+)
+HINTS = [layout.LANE_OFFSET_M, layout.LANE_HEADING_RAD, layout.LANE_CURVATURE_PER_M]
+HINT_WEIGHT = 0.3
+CHECKPOINT_STEPS = 100
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Every argument of the training; the defaults made the shipped weights."""
+
+    out: Path  # where the weights and their card go
+    seed: int = 1
+    drivers: str = "drivers-gail"  # weights of the drivers around the ego
+    scattered: int = 30_000  # moments to begin with
+    rounds: int = 2  # of aggregation
+    drives: int = 60  # in each round
+    drive_steps: int = 220
+    first_steps: int = 1400  # of AdamW on the scattered moments
+    round_steps: int = 400  # in each round
+    final_steps: int = 900
+    batch: int = 64
+    rate: float = 1.2e-3  # of learning, at its height
+    check_drives: int = 120  # of the final check, in each weather
+    threads: int = 1
+
+
+def main() -> None:
+    arguments = parse(Arguments, __doc__)
+    began = time.time()
+
+    # Randomness: everything below draws from these.
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    streams = np.random.SeedSequence([arguments.seed, 5]).spawn(2 * arguments.rounds + 4)
+
+    stages = Stages(arguments)
+    world = VisionWorld(arguments.drivers)
+    net = VisionNet().to(memory_format=torch.channels_last)
+    states = stages.get(
+        "scattered", lambda: world.scattered(arguments.scattered, np.random.default_rng(streams[0]))
+    )
+    onnx = stages.path("network", ".onnx")
+    with Progress() as progress:
+        for turn in range(arguments.rounds + 1):
+            last = turn == arguments.rounds
+            steps = (
+                arguments.final_steps if last else (arguments.round_steps if turn else arguments.first_steps)
+            )
+            learn(net, world, states, steps, turn, arguments, stages, streams[1 + turn], progress)
+            export(net, onnx)
+            if not last:
+                rng = np.random.default_rng(streams[arguments.rounds + 2 + turn])
+                new = stages.get(
+                    f"visited-{turn}", lambda rng=rng: visited(world, VisionEgo(onnx), arguments, rng)
+                )
+                states = States.joined([states, new])
+        task = progress.add_task("figures", total=len(WEATHER_KINDS))
+        measured = {}
+        for (name, weather), stream in zip(
+            WEATHER_KINDS.items(), streams[-1].spawn(len(WEATHER_KINDS)), strict=True
+        ):
+            rng = np.random.default_rng(stream)
+            measured[name] = stages.get(
+                f"figures, {name}".replace("/", " per "),
+                lambda weather=weather, rng=rng: figures(
+                    world, VisionEgo(onnx), EXPERT, weather, arguments.check_drives, rng
+                ),
+            )
+            progress.update(task, advance=1)
+
+    card = {
+        "name": "ego-vision",
+        "what": "ego policy under test: camera 200 x 66 RGB, speed and 20-beam lidar -> acceleration and turn rate",
+        "method": "imitation of a lane-keeping, careful expert in our world, data set aggregation over all weathers",
+        "command": command(arguments),
+        "seed": arguments.seed,
+        "arguments": public(arguments),
+        "network": {"convolutions": list(CHANNELS), "parameters": sum(p.numel() for p in net.parameters()),
+                    "action_scale": list(ACTION_SCALE)},
+        "expert": EXPERT.as_dict(),
+        "states": {"scattered": arguments.scattered, "visited": len(states) - arguments.scattered},
+        "metrics": measured,
+        "limits": [
+            "It has seen one road, I-80 at Emeryville as the renderer draws it, and cars as the renderer draws them.",
+            "Its expert keeps its lane; nothing teaches it to change lanes or to brake for what only the camera shows.",
+            "Twenty beams: a vehicle between two beams is not in the lidar.",
+        ],
+        "versions": versions(),
+        "training_s": round(time.time() - began),
+    }  # fmt: skip
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    weights = arguments.out / "ego-vision.onnx"
+    weights.write_bytes(onnx.read_bytes())
+    weights.with_suffix(".json").write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
+    stages.clear()
+    print(json.dumps(card["metrics"], indent=1))
+    print(f"written: {weights} and its card, after {time.time() - began:.0f} s")
+
+
+def command(arguments: Arguments) -> str:
+    """The command that repeats the run; only arguments that differ from their defaults are spelled out."""
+    words = [f"tailroad train ego-vision --out DIR --seed {arguments.seed}"]
+    for name, value in asdict(arguments).items():
+        default = Arguments.__dataclass_fields__[name].default
+        if name not in ("out", "seed", "threads") and value != default:
+            words.append(f"--{name.replace('_', '-')} {value}")
+    return " ".join(words)
+
+
+def learn(
+    net, world, states: States, steps: int, turn: int, arguments: Arguments, stages, stream, progress
+) -> None:
+    """Train for `steps` batches of moments drawn from `states`, or take up a run of them that was interrupted."""
+    optimiser = torch.optim.AdamW(net.parameters(), lr=arguments.rate, weight_decay=1e-4)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, arguments.rate * (1.0 if turn == 0 else 0.5), steps, pct_start=0.1
+    )
+    done, loss_mean = 0, None
+    checkpoint = stages.path(f"round-{turn}", ".pt")
+    if checkpoint.is_file():
+        kept = torch.load(checkpoint, weights_only=True)
+        net.load_state_dict(kept["net"])
+        optimiser.load_state_dict(kept["optimiser"])
+        schedule.load_state_dict(kept["schedule"])
+        done = kept["done"]
+    labels = mean_action(EXPERT, states.seen) / ACTION_SCALE
+    hints = states.seen[:, HINTS] / HINT_SCALE
+    values = beside(states.seen)
+    task = progress.add_task(f"round {turn} of {arguments.rounds}", total=steps, completed=done)
+    net.train()
+    for k in range(done, steps):
+        rng = np.random.default_rng(
+            [*stream.generate_state(2).tolist(), k]
+        )  # a resumed run draws the same batches
+        rows = rng.integers(0, len(states), arguments.batch)
+        frames = torch.from_numpy(world.pictures(states, rows, rng))
+        action, told = net.both(frames, torch.from_numpy(values[rows]))
+        loss = smooth_l1_loss(action, torch.from_numpy(labels[rows]).float(), beta=0.5)
+        loss = loss + HINT_WEIGHT * smooth_l1_loss(told, torch.from_numpy(hints[rows]).float(), beta=0.5)
+        optimiser.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
+        optimiser.step()
+        schedule.step()
+        value = float(loss.detach())
+        loss_mean = value if loss_mean is None else 0.98 * loss_mean + 0.02 * value
+        progress.update(
+            task, advance=1, description=f"round {turn} of {arguments.rounds}, loss {loss_mean:.4f}"
+        )
+        if (k + 1) % CHECKPOINT_STEPS == 0 or k + 1 == steps:
+            print(f"round {turn}, step {k + 1} of {steps}: loss {loss_mean:.4f}", flush=True)
+            part = checkpoint.with_suffix(".part")
+            torch.save({"net": net.state_dict(), "optimiser": optimiser.state_dict(), "schedule": schedule.state_dict(),
+                        "done": k + 1}, part)  # fmt: skip
+            part.replace(checkpoint)
+
+
+def visited(world: VisionWorld, ego: VisionEgo, arguments: Arguments, rng: np.random.Generator) -> States:
+    """Moments that the network reaches in drives with disturbed actions, in all weathers."""
+    parts = []
+    for number in range(arguments.drives):
+        scenario = ("i80-10s", "i80-data")[number % 2]
+        sway = float(rng.choice([0.5, 1.0, 2.0]))
+        drive = world.drive(ego, world.weather(rng), scenario, arguments.drive_steps, rng, sway, every=2)
+        parts.append(drive.states)
+    states = States.joined(parts)
+    good = states.seen[:, layout.INCIDENT] == 0.0
+    return States(states.poses[good], states.own[good], states.seen[good])
+
+
+if __name__ == "__main__":
+    main()

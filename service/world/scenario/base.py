@@ -1,0 +1,111 @@
+"""The base distribution P0 of a scenario, and what a draw from it means to the world."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+import ce
+from policies.drivers import DriverModel
+from policies.layout import HEAD_SIZE
+from service.world.scenario.schema import Beta, Distribution, RandomWeather, Scenario, Uniform
+
+Marginal = ce.Beta | ce.Uniform | ce.TruncatedNormal
+WEATHER = RandomWeather.__struct_fields__
+PER_VEHICLE = ("station_m", "lane_offset_m", "heading_deg", "speed_mps")  # S, T, W, V of the paper
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a vehicle starts."""
+
+    station_m: float
+    lane: int  # 0 is the leftmost
+    lane_offset_m: float
+    lane_heading_rad: float
+    speed_mps: float
+    length_m: float
+    width_m: float
+
+
+def base_distribution(scenario: Scenario, drivers: DriverModel) -> ce.Product:
+    """P0 of X = (S, T, W, V of each vehicle, xi): dimension 4 vehicles + 404 (paper, section 4).
+
+    A scenario with weather has its five coordinates before xi; one with noise = "searched" has the action noise after
+    it, standard normals (steps, vehicles, 2).
+    """
+    blocks: list[Marginal | ce.Normal] = []
+    names: list[str] = []
+    for vehicle in scenario.vehicles:
+        for key in PER_VEHICLE:
+            blocks.append(marginal(scenario.of(vehicle, key)))
+            names.append(f"{vehicle.name}.{key}")
+    if scenario.weather is not None:
+        for key in WEATHER:
+            blocks.append(marginal(getattr(scenario.weather, key)))
+            names.append(f"weather.{key}")
+    blocks.append(ce.Normal(drivers.mu0, drivers.sigma0))
+    names += [f"xi[{i}]" for i in range(HEAD_SIZE)]
+    if scenario.drivers.noise == "searched":
+        blocks.append(ce.White(scenario.noise_values))
+        names += [
+            f"{vehicle.name}.{action}_noise[{k}]"
+            for k in range(scenario.steps)
+            for vehicle in scenario.vehicles
+            for action in ("acceleration", "turn_rate")
+        ]
+    return ce.Product(blocks, names)
+
+
+def dimension(scenario: Scenario) -> int:
+    """Of the base distribution, without making it."""
+    searched = scenario.noise_values if scenario.drivers.noise == "searched" else 0
+    return _before_weights(scenario) + HEAD_SIZE + searched
+
+
+def marginal(dist: Distribution) -> Marginal:
+    """The distribution as a block of the base distribution."""
+    if isinstance(dist, Beta):
+        return ce.Beta(dist.alpha, dist.beta, dist.low, dist.high)
+    if isinstance(dist, Uniform):
+        return ce.Uniform(dist.low, dist.high)
+    return ce.TruncatedNormal(dist.mean, dist.deviation, dist.low, dist.high)
+
+
+def unpack(scenario: Scenario, x: np.ndarray) -> tuple[list[Start], np.ndarray]:
+    """The starts and the driver weights xi (404,) that a draw x (d,) stands for."""
+    starts = []
+    for i, vehicle in enumerate(scenario.vehicles):
+        station, offset, heading, speed = x[4 * i : 4 * i + 4].tolist()
+        starts.append(
+            Start(
+                station_m=station,
+                lane=vehicle.lane - 1,
+                lane_offset_m=offset,
+                lane_heading_rad=heading * (math.pi / 180.0),
+                speed_mps=speed,
+                length_m=scenario.of(vehicle, "length_m"),
+                width_m=scenario.of(vehicle, "width_m"),
+            )
+        )
+    first = _before_weights(scenario)
+    return starts, x[first : first + HEAD_SIZE]
+
+
+def searched_noise(scenario: Scenario, x: np.ndarray) -> np.ndarray:
+    """The action noise (steps, vehicles, 2) that a draw x (d,) of a scenario with noise = "searched" holds."""
+    noise = x[_before_weights(scenario) + HEAD_SIZE :]
+    return np.ascontiguousarray(noise, dtype=np.float64).reshape(scenario.steps, len(scenario.vehicles), 2)
+
+
+def weather_values(scenario: Scenario, x: np.ndarray) -> dict[str, float]:
+    """Light and weather that a draw x (d,) stands for, by their names in the scenario; empty where it has none."""
+    if scenario.weather is None:
+        return {}
+    begin = len(PER_VEHICLE) * len(scenario.vehicles)
+    return dict(zip(WEATHER, x[begin : begin + len(WEATHER)].tolist(), strict=True))
+
+
+def _before_weights(scenario: Scenario) -> int:
+    """How many coordinates of X come before xi."""
+    return len(PER_VEHICLE) * len(scenario.vehicles) + (0 if scenario.weather is None else len(WEATHER))

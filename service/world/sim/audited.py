@@ -1,0 +1,45 @@
+"""Rollouts without SUMO of which a share is run in SUMO too, and must have the same bits."""
+
+import numpy as np
+
+from service.errors import SimulationError
+from service.world.sim.rollout import Rollout, Simulator
+from service.world.sim.without_sumo import WithoutSumo
+
+EVERY = 100  # one rollout of so many, chosen by its noise seed, is run in SUMO too
+
+
+class Audited:
+    """Runs rollouts without SUMO, and one of EVERY in both worlds; use as a context manager.
+
+    Which ones depends on their noise seeds alone, so that a run that is repeated audits the same.
+    """
+
+    def __init__(self, alone: WithoutSumo, simulator: Simulator):
+        self._alone, self._simulator = alone, simulator
+        self.compared = 0
+
+    def __enter__(self) -> "Audited":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._simulator.close()
+
+    def run(self, x: np.ndarray, noise: int) -> Rollout:
+        """The rollout of `x` (d,); SimulationError where the two worlds differ in a bit."""
+        rollout = self._alone.run(x, noise)
+        if int(noise) % EVERY == 0:
+            again = self._simulator.run(x, noise)
+            same = np.array_equal(again.f, rollout.f, equal_nan=True)
+            same = same and (again.outcome, again.steps) == (rollout.outcome, rollout.steps)
+            if not same:
+                raise SimulationError(
+                    f"the rollout with noise seed {int(noise)} came to f = {rollout.f!r} ({rollout.outcome}, "
+                    f"{rollout.steps} steps) without SUMO and to f = {again.f!r} ({again.outcome}, {again.steps} "
+                    "steps) with it: they must be the same to the bit. Run with --sumo, and report this"
+                )
+            self.compared += 1
+        return rollout

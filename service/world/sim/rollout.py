@@ -1,0 +1,232 @@
+"""One rollout: a pure function of (scenario, ego, x, noise seed)."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol
+
+import numpy as np
+
+from policies.drivers import DriverModel
+from policies.egos import EgoPolicy, Observation
+from service.errors import EgoError
+from service.world.safety.measure import open_monitor
+from service.world.scenario.base import searched_noise, unpack
+from service.world.scenario.schema import Scenario
+from service.world.sim import step
+from service.world.sim.road import road_of
+from service.world.sim.sumo import SumoSession
+from service.world.sim.sumo_background import BackgroundTraffic
+from service.world.sim.world import DriverNetwork, World, action_noise
+from sumo_nets.corridor import Corridor
+
+OUTCOMES = {
+    step.RUNNING: "horizon",
+    step.FINISHED: "finished",
+    step.COLLIDED: "collision",
+    step.OFF_ROAD: "off-road",
+    step.REVERSED: "reversing",
+}
+FROZEN_NOISE_SEED = 0  # scenarios with noise = "frozen" drive every rollout with this stream
+BACKGROUND_ROWS = 1000  # background vehicles at most
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """What a rollout came to. `f` is the value of the scenario's safety measure; low is dangerous."""
+
+    f: float
+    outcome: str  # one of OUTCOMES, or "error"
+    steps: int
+    error: str | None = None
+
+
+def noise_of(
+    scenario: Scenario, x: np.ndarray, noise: int | np.ndarray, vehicles: int
+) -> tuple[int, np.ndarray]:
+    """The rollout's seed and its action noise (steps, vehicles, 2): from the seed, from x where the scenario's is
+    searched, or given as it is (seed 0)."""
+    given = isinstance(noise, np.ndarray)
+    seed = 0 if given else int(noise)
+    if scenario.drivers.noise == "frozen" and not given:
+        seed = FROZEN_NOISE_SEED
+    if isinstance(noise, np.ndarray):
+        normals = noise
+    elif scenario.drivers.noise == "searched":
+        normals = searched_noise(scenario, x)
+    else:
+        normals = action_noise(seed, scenario.steps, vehicles)
+    shape = (scenario.steps, vehicles, 2)
+    if normals.shape != shape or normals.dtype != np.float64:
+        raise ValueError(
+            f"noise must be float64 of shape {shape}, not {normals.dtype} of shape {normals.shape}"
+        )
+    return seed, normals
+
+
+class Observer(Protocol):
+    """Looks on at a rollout, a call a step, the last one at the state in which it ended."""
+
+    def see(self, world: World, time_s: float, ttc_s: float, action: tuple[float, float] | None) -> None: ...
+
+
+class Eyes(Protocol):
+    """Where an ego's pictures come from."""
+
+    def begin(self, x: np.ndarray, seed: int) -> None: ...
+
+    def picture(self, agents: np.ndarray, count: int, ego: int, step: int) -> np.ndarray: ...
+
+
+def _onboard(scenario: Scenario, corridor: Corridor) -> Eyes:
+    from service.world.camera.onboard import OnboardCamera  # its kernels take a moment to load
+
+    return OnboardCamera(scenario, corridor)
+
+
+class Simulator:
+    """Runs rollouts of one scenario with one ego in this process; use as a context manager."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        corridor: Corridor,
+        drivers: DriverModel,
+        ego: EgoPolicy,
+        fcd: Path | None = None,
+        gui: bool = False,
+        open_camera: "Callable[[], Eyes] | None" = None,
+    ):
+        """open_camera: makes the camera of an ego that wants one; default: one that renders in this process."""
+        self._scenario = scenario
+        self._ego = ego
+        self._steps = scenario.steps
+        self._dt_s = scenario.time.step_s
+        network = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
+        background = scenario.background
+        self._world = World(
+            road_of(corridor),
+            network,
+            len(scenario.vehicles),
+            scenario.ego,
+            self._dt_s,
+            rays=scenario.safety.rays,
+            background_rows=BACKGROUND_ROWS if background else 0,
+        )
+        self._open_camera = open_camera or (lambda: _onboard(scenario, corridor))
+        self._camera: Eyes | None = None
+        self._monitor = open_monitor(scenario, len(self._world.agents))
+        stations = [scenario.of(vehicle, "station_m") for vehicle in scenario.vehicles]
+        self._has_background = background is not None
+        own = scenario.vehicles[scenario.ego].name
+        enter = getattr(ego, "enter", None)  # of an ego that SUMO itself drives
+        self._sumo = SumoSession(
+            corridor,
+            [vehicle.name for vehicle in scenario.vehicles],
+            [(scenario.of(v, "length_m"), scenario.of(v, "width_m")) for v in scenario.vehicles],
+            self._dt_s,
+            background=None
+            if background is None
+            else BackgroundTraffic(
+                background.density_veh_per_km_lane,
+                background.speed_mps,
+                min(s.low for s in stations),
+                max(s.high for s in stations),
+                scenario.time.horizon_s,
+            ),
+            fcd=fcd,
+            gui=own if gui else None,
+            follower=None if enter is None else (own, getattr(ego, "model", "")),
+        )
+        if enter is not None:
+            enter(self._sumo, own)
+
+    def __enter__(self) -> "Simulator":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._sumo.close()
+        for part in (self._ego, self._camera):
+            if (leave := getattr(part, "close", None)) is not None:
+                leave()
+
+    def _eyes(self) -> Eyes | None:
+        """The ego's camera where it wants one; asked when a rollout has begun: an ego elsewhere has to be met first."""
+        if not getattr(self._ego, "wants_camera", False):
+            return None
+        if self._camera is None:  # only where an ego looks: the scene takes a second
+            self._camera = self._open_camera()
+        return self._camera
+
+    def measured(self) -> np.ndarray | None:
+        """The measure at each state of the last rollout, (states,); None for `ttc`, which observers are shown."""
+        return None if self._monitor is None else self._monitor.trace()
+
+    def run(self, x: np.ndarray, noise: int | np.ndarray, observer: Observer | None = None) -> Rollout:
+        """The rollout of `x` (d,) with action noise from a seed, or given as normals (steps, vehicles, 2).
+
+        An exception on the way, from the ego or from SUMO, makes a recorded rollout with outcome "error" and
+        f = NaN; it is not raised.
+        """
+        try:
+            return self._run(x, noise, observer)
+        # any failure of a black box, sys.exit included, is a result with its seed, never a lost rollout
+        except (Exception, SystemExit) as error:
+            return Rollout(math.nan, "error", 0, f"{type(error).__name__}: {error}")
+
+    def _run(self, x: np.ndarray, noise: int | np.ndarray, observer: Observer | None) -> Rollout:
+        world, ego, sumo, monitor = self._world, self._ego, self._sumo, self._monitor
+        seed, normals = noise_of(self._scenario, x, noise, world.vehicles)
+
+        starts, driver_weights = unpack(self._scenario, x)
+        world.reset(starts, driver_weights)
+        ego.reset(seed)
+        status, ttc = world.observe()
+        world.write_poses()
+        sumo.begin(world.poses, seed)
+        if self._has_background:
+            world.count = sumo.read_background(world.agents, world.vehicles)
+            status, ttc = world.observe()
+
+        observation = Observation(world.observations[world.ego], 0.0, world.agents[world.ego])
+        camera = self._eyes()
+        if camera is not None:
+            camera.begin(x, seed)
+        f = ttc
+        if monitor is not None:
+            monitor.reset()
+            monitor.see(world.agents, world.count, ttc)
+        k = 0
+        while status == step.RUNNING and k < self._steps:
+            observation.time_s = k * self._dt_s
+            if camera is not None:
+                observation.frame = camera.picture(world.agents, world.count, world.ego, k)
+            acceleration, turn_rate = ego.act(observation)
+            if not (math.isfinite(acceleration) and math.isfinite(turn_rate)):
+                raise EgoError(
+                    f"ego {ego.name!r} answered ({acceleration}, {turn_rate}) at {observation.time_s:.1f} s"
+                )
+            # a policy may answer with another kind of number; the kernels are compiled for this one
+            acceleration, turn_rate = float(acceleration), float(turn_rate)
+            if observer is not None:
+                observer.see(world, observation.time_s, ttc, (acceleration, turn_rate))
+            world.advance(acceleration, turn_rate, normals[k])
+            sumo.step(world.poses)
+            if self._has_background:
+                world.count = sumo.read_background(world.agents, world.vehicles)
+            status, ttc = world.observe()
+            if monitor is not None:
+                monitor.see(world.agents, world.count, ttc)
+            elif ttc < f:
+                f = ttc
+            k += 1
+        if observer is not None:
+            observer.see(world, k * self._dt_s, ttc, None)
+        return Rollout(f if monitor is None else monitor.value(), OUTCOMES[status], k)

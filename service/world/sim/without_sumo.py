@@ -1,0 +1,148 @@
+"""Rollouts as one compiled call, without SUMO: the same bits as `service.world.sim.rollout`, at a fraction of the cost.
+
+SUMO is told where the controlled vehicles are; it does not move them. Where nobody looks on (no background traffic, no
+observers, no camera) and the ego is one of the compiled ones, a rollout can leave it out. Campaigns of 10^6 rollouts
+do, and have a share of their rollouts run in SUMO too and compared bit for bit (`service.studies.reproduce`).
+"""
+
+import math
+
+import numpy as np
+
+from policies.drivers import DriverModel
+from policies.egos import load_ego
+from policies.egos.idm import DESIRED_SPEED_MPS
+from policies.egos.lidar import LidarEgo
+from policies.idm import idm_action
+from policies.jit import kernel
+from policies.layout import OUTPUTS
+from policies.network import forward, sample_action
+from service.errors import InputError
+from service.world.scenario.base import unpack
+from service.world.scenario.schema import Scenario
+from service.world.sim import step
+from service.world.sim.road import road_of
+from service.world.sim.rollout import OUTCOMES, Rollout, noise_of
+from service.world.sim.step import advance_all, observe
+from service.world.sim.world import DriverNetwork, World
+from sumo_nets.corridor import Corridor
+
+IDM, NETWORK = 0, 1  # kinds of compiled egos
+EGOS = {"idm": IDM, "lidar": NETWORK}
+
+
+def can_leave_out_sumo(scenario: Scenario, ego: str) -> bool:
+    """Whether this scenario's rollouts with this ego need no SUMO."""
+    return ego in EGOS and scenario.background is None and scenario.safety.measure == "ttc"
+
+
+@kernel
+def drive(
+    agents: np.ndarray,
+    controlled: int,
+    ego: int,
+    ego_kind: int,
+    ego_w1: np.ndarray,
+    ego_b1: np.ndarray,
+    ego_w2: np.ndarray,
+    ego_b2: np.ndarray,
+    ego_head: np.ndarray,
+    ego_scale: np.ndarray,
+    w1: np.ndarray,
+    b1: np.ndarray,
+    w2: np.ndarray,
+    b2: np.ndarray,
+    head: np.ndarray,
+    scale: np.ndarray,
+    noise: np.ndarray,
+    dt_s: float,
+    reference: np.ndarray,
+    lanes: np.ndarray,
+    spacing_m: float,
+    beams: np.ndarray,
+    rays: np.ndarray,
+    observations: np.ndarray,
+    poses: np.ndarray,
+) -> tuple[float, int, int]:
+    """The smallest time to collision (s), how the ego ended (service.world.sim.step) and the steps driven.
+
+    noise: (steps, vehicles, 2) standard normals; the rest as `service.world.sim.step` has it.
+    """
+    outputs = np.empty(OUTPUTS, np.float32)
+    status, smallest = observe(
+        agents, controlled, controlled, ego, reference, lanes, spacing_m, beams, rays, observations
+    )
+    k = 0
+    while status == step.RUNNING and k < noise.shape[0]:
+        if ego_kind == IDM:
+            a, w = idm_action(observations[ego], DESIRED_SPEED_MPS)
+        else:
+            forward(observations[ego], ego_w1, ego_b1, ego_w2, ego_b2, ego_head, outputs)
+            a, w = sample_action(outputs, ego_scale, 0.0, 0.0)
+        if not (math.isfinite(a) and math.isfinite(w)):
+            return math.nan, status, k
+        advance_all(
+            agents, controlled, ego, a, w, observations, w1, b1, w2, b2, head, scale, noise[k], dt_s, lanes.shape[1],
+            poses,
+        )  # fmt: skip
+        status, ttc = observe(
+            agents, controlled, controlled, ego, reference, lanes, spacing_m, beams, rays, observations
+        )
+        if ttc < smallest:
+            smallest = ttc
+        k += 1
+    return smallest, status, k
+
+
+class WithoutSumo:
+    """Runs rollouts of one scenario with a compiled ego; in place of `Simulator` where nobody looks on."""
+
+    def __init__(self, scenario: Scenario, corridor: Corridor, drivers: DriverModel, ego: str):
+        """InputError where the scenario or the ego needs SUMO."""
+        if not can_leave_out_sumo(scenario, ego):
+            raise InputError(
+                f"scenario {scenario.name} with ego {ego!r} needs SUMO: what can do without are the egos "
+                f"{' and '.join(sorted(EGOS))}, with the measure ttc and without background traffic"
+            )
+        self._scenario = scenario
+        network = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
+        self._network = network
+        self._world = World(
+            road_of(corridor),
+            network,
+            len(scenario.vehicles),
+            scenario.ego,
+            scenario.time.step_s,
+            rays=scenario.safety.rays,
+        )
+        policy = load_ego(ego)
+        # the intelligent driver reads no weights; it is given the drivers' so that the kernel has one signature
+        own = policy.weights if isinstance(policy, LidarEgo) else self._drivers_weights(drivers)
+        self._ego = (EGOS[ego], *own)
+
+    def _drivers_weights(self, drivers: DriverModel) -> tuple[np.ndarray, ...]:
+        n = self._network
+        return n.w1, n.b1, n.w2, n.b2, drivers.mu0.astype(np.float32), n.action_scale
+
+    def __enter__(self) -> "WithoutSumo":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def run(self, x: np.ndarray, noise: int | np.ndarray) -> Rollout:
+        """The rollout of `x` (d,), with the same bits as `Simulator.run`."""
+        world, net = self._world, self._network
+        _, normals = noise_of(self._scenario, x, noise, world.vehicles)
+        world.reset(*unpack(self._scenario, x))
+        f, status, k = drive(
+            world.agents, world.vehicles, world.ego, *self._ego, net.w1, net.b1, net.w2, net.b2, world.head,
+            net.action_scale, normals, self._scenario.time.step_s, world.road.reference, world.road.lanes,
+            world.road.spacing_m, world.beams, world.rays, world.observations, world.poses,
+        )  # fmt: skip
+        if math.isnan(f):
+            return Rollout(math.nan, "error", 0, "EgoError: the ego answered a number that is not finite")
+        return Rollout(f, OUTCOMES[status], k)

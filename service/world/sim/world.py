@@ -1,0 +1,127 @@
+"""The controlled vehicles on a road: their state, what they perceive, and how they move. No SUMO in here."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from policies import layout
+from policies.exactmath import normals_from_bits
+from service.world import agents as A
+from service.world.scenario.base import Start
+from service.world.sensors.lidar import beam_directions
+from service.world.sim.projection import place
+from service.world.sim.road import Road
+from service.world.sim.step import advance_all, observe, write_poses
+
+
+@dataclass(frozen=True)
+class DriverNetwork:
+    """The weights of the driver network that all rollouts share (float32), and the scale of its actions."""
+
+    w1: np.ndarray  # (51, 200)
+    b1: np.ndarray  # (200,)
+    w2: np.ndarray  # (200, 100)
+    b2: np.ndarray  # (100,)
+    action_scale: np.ndarray  # (2,) float64: m/s^2 and rad/s
+
+
+def action_noise(seed: int, steps: int, vehicles: int) -> np.ndarray:
+    """Standard normals (steps, vehicles, 2) of a rollout: a Philox stream keyed by its seed.
+
+    The bits are integers and the normal quantile is `policies.exactmath`, so they are the same on every processor.
+    A shorter rollout's noise is a prefix of a longer one's.
+    """
+    bits = np.random.Philox(key=seed).random_raw(steps * vehicles * 2)
+    noise = np.empty(bits.shape[0])
+    normals_from_bits(bits, noise)
+    return noise.reshape(steps, vehicles, 2)
+
+
+class World:
+    """The vehicles of one rollout; `ego` is a row or step.NO_EGO. Rows beyond `vehicles` are background traffic."""
+
+    def __init__(
+        self,
+        road: Road,
+        network: DriverNetwork,
+        vehicles: int,
+        ego: int,
+        dt_s: float,
+        rays: int = layout.BEAMS,
+        background_rows: int = 0,
+    ):
+        self.road = road
+        self.vehicles = vehicles
+        self.ego = ego
+        self.dt_s = dt_s
+        self.agents = np.zeros((vehicles + background_rows, A.COLUMNS))
+        self.count = vehicles
+        self.observations = np.zeros((vehicles, layout.OBSERVATION_SIZE))
+        self.poses = np.zeros((vehicles, 4))
+        self.head = np.zeros(layout.HEAD_SIZE, np.float32)
+        self._network = network
+        self.beams = beam_directions(layout.BEAMS)
+        self.rays = beam_directions(rays)
+
+    def reset(self, starts: list[Start], driver_weights: np.ndarray) -> None:
+        """Put the vehicles at their starts; `driver_weights` (404,) is the last layer that drives the others."""
+        self.agents[:] = 0.0
+        self.observations[:] = 0.0
+        self.head[:] = driver_weights
+        for agent, start in zip(self.agents, starts, strict=False):
+            agent[A.LENGTH_M] = start.length_m
+            agent[A.WIDTH_M] = start.width_m
+            agent[A.SPEED_MPS] = start.speed_mps
+            agent[A.ACTIVE] = 1.0
+            place(
+                agent,
+                start.station_m,
+                start.lane,
+                start.lane_offset_m,
+                start.lane_heading_rad,
+                self.road.reference,
+                self.road.lanes,
+                self.road.spacing_m,
+            )
+        self.count = self.vehicles
+
+    def observe(self) -> tuple[int, float]:
+        """Update the observations; the ego's status (service.world.sim.step) and its time to collision in s."""
+        return observe(
+            self.agents,
+            self.vehicles,
+            self.count,
+            self.ego,
+            self.road.reference,
+            self.road.lanes,
+            self.road.spacing_m,
+            self.beams,
+            self.rays,
+            self.observations,
+        )
+
+    def advance(self, acceleration_mps2: float, turn_rate_radps: float, noise: np.ndarray) -> None:
+        """Move by one step; the arguments are the ego's action, `noise` (vehicles, 2) the others'."""
+        net = self._network
+        advance_all(
+            self.agents,
+            self.vehicles,
+            self.ego,
+            acceleration_mps2,
+            turn_rate_radps,
+            self.observations,
+            net.w1,
+            net.b1,
+            net.w2,
+            net.b2,
+            self.head,
+            net.action_scale,
+            noise,
+            self.dt_s,
+            self.road.lanes.shape[1],
+            self.poses,
+        )
+
+    def write_poses(self) -> None:
+        """Update `poses` from the vehicles' state; `advance` does so by itself."""
+        write_poses(self.agents, self.vehicles, self.road.lanes.shape[1], self.poses)

@@ -1,0 +1,173 @@
+"""The typed client and the commands on top of it, against a service with a light worker."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from service.front.cli.main import main
+from service.remote.api.requests import Submission
+from service.remote.client import Client, NoAnswer, Refused
+from service.world.scenario.load import parse_scenario
+from tests.service.remote.fleet.light import expected, formula, free_port
+
+JOB = {"ego": "idm", "method": "naive", "budget": 300}
+
+
+def cli(service, *args: str) -> tuple[int, str]:
+    result = CliRunner().invoke(
+        main, [*args, "--connect", f"tcp/127.0.0.1:{service.port}", "--timeout", "60"]
+    )
+    return result.exit_code, result.output
+
+
+def test_a_job_from_submission_to_estimate(service, client: Client) -> None:
+    job = client.submit("i80-10s", 0.5, **JOB, seed=11, label="typed")
+    kinds = [(event.kind, event.body.get("status")) for event in client.watch(job.id)]
+    assert kinds[0] == ("status", "running")
+    assert kinds[-1] == ("status", "done")
+    assert client.job(job.id).status == "done"
+    estimate = client.estimate(job.id)
+    assert estimate.p == expected(service.light.store.job(job.id).job).p
+    curve = client.curve(job.id, [0.25, 0.5])
+    assert curve.points[1].p == estimate.p
+    assert client.iterations(job.id).items[-1].number == 0
+    assert job.id in {j.id for j in client.all_jobs()}
+    assert [e.kind for e in client.watch(job.id)] == [
+        "status",
+        "status",
+    ]  # nothing new: the kept ones, and the end
+
+
+def test_refusals_carry_their_problem(client: Client) -> None:
+    with pytest.raises(Refused, match="no job 'nope'") as caught:
+        client.job("nope")
+    assert caught.value.kind == "no-such-job"
+    assert caught.value.problem.status == 404
+
+
+def test_nobody_there() -> None:
+    with (
+        Client(f"tcp/127.0.0.1:{free_port()}", timeout_s=0.2) as nobody,
+        pytest.raises(NoAnswer, match="tailroad serve"),
+    ):
+        nobody.health()
+
+
+def test_watching_goes_on_where_an_answer_is_late(service, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Client(f"tcp/127.0.0.1:{service.port}", timeout_s=60.0) as client:
+        job = client.submit("i80-10s", 0.5, **JOB, seed=14).id
+        real, silences = client._line.ask, []
+        late = iter([False, True, False, True, True])  # the first one is not
+
+        def ask(selector: str, payload: bytes | None = None) -> tuple[bool, bytes]:
+            if next(late, False):
+                raise NoAnswer("nothing came in time")
+            return real(selector, payload)
+
+        monkeypatch.setattr(client._line, "ask", ask)
+        client.health()
+        told = [event.body.get("status") for event in client.watch(job, on_silence=silences.append)]
+        assert told[-1] == "done"
+        assert silences
+        client._patience_s = 0.0
+        late = iter([True])
+        with pytest.raises(NoAnswer):
+            next(client.watch(job))
+
+
+def test_what_the_service_offers(client: Client) -> None:
+    assert "i80-10s" in {entry.name for entry in client.scenarios().items}
+    assert {"idm", "lidar"} <= {ego.name for ego in client.egos().items}
+    assert [worker.id for worker in client.workers().items] == ["w1"]
+    assert client.health().procs == 1
+    assert {e.key for e in client.about().endpoints} >= {
+        "tailroad/v1/jobs",
+        "tailroad/v1/jobs/{job}/failures",
+    }
+
+
+def test_failures_of_a_job_without_any(client: Client) -> None:
+    job = client.submit("i80-10s", -1.0, **JOB).id
+    client.wait(job)
+    found = client.failures(job)
+    assert (found.events, found.failures, found.job) == (0, (), job)
+
+
+def test_rollouts_that_the_record_does_not_have(client: Client) -> None:
+    job = client.submit("i80-10s", 0.5, **JOB, seed=12).id
+    client.wait(job)
+    with pytest.raises(Refused, match="no rollout 300"):
+        client.rollout(job, 300)
+
+
+def test_commands(service) -> None:
+    code, job = cli(service, "submit", "i80-10s", "--ego", "idm", "--gamma", "0.5", "--method", "naive",
+                    "--budget", "200", "--label", "by command")  # fmt: skip
+    assert code == 0
+    job = job.strip()
+    code, lines = cli(service, "watch", job, "--json")
+    assert code == 0
+    assert json.loads(lines.splitlines()[-1])["body"]["status"] == "done"
+    code, shown = cli(service, "show", job, "--json", "--gamma", "0.25")
+    assert json.loads(shown)["estimate"]["gamma"] == 0.25
+    assert cli(service, "show", job)[0] == 0
+    code, listed = cli(service, "jobs", "--label", "by command", "--json")
+    assert [j["id"] for j in json.loads(listed)["items"]] == [job]
+    assert job in cli(service, "jobs")[1]
+    assert cli(service, "cancel", job)[0] == 0  # it is over: it stays as it is
+    assert cli(service, "pause", job)[0] == 2
+    assert json.loads(cli(service, "get", f"jobs/{job}/estimate?gamma=0.25")[1])["gamma"] == 0.25
+    assert cli(service, "get", "jobs/nope")[0] == 2
+    assert cli(service, "health", "--workers", "1")[0] == 0
+    assert cli(service, "health", "--workers", "2")[0] == 1
+
+
+def test_a_scenario_file_is_sent_by_value(service, tmp_path: Path) -> None:
+    from service.world.scenario.load import FOLDER
+
+    text = (FOLDER / "i80-10s.toml").read_text(encoding="utf-8")
+    mine = tmp_path / "mine.toml"
+    mine.write_text(text.replace('name = "i80-10s"', 'name = "mine"'), encoding="utf-8")
+    code, out = cli(service, "submit", str(mine), "--ego", "idm", "--gamma", "0.5", "--budget", "20",
+                    "--method", "naive", "--json")  # fmt: skip
+    assert code == 0
+    assert json.loads(out)["scenario"] == "mine"
+
+
+def test_health_of_nobody_is_exit_code_1() -> None:
+    result = CliRunner().invoke(
+        main, ["health", "--connect", f"tcp/127.0.0.1:{free_port()}", "--timeout", "0.2"]
+    )
+    assert result.exit_code == 1
+    assert "nobody answers" in result.output
+
+
+def test_the_methods_of_submit_are_those_of_ce() -> None:
+    import msgspec
+
+    import ce
+    from service.front.cli.submit import METHODS
+
+    schema = msgspec.json.schema(Submission)["$defs"]["Submission"]["properties"]["method"]
+    assert set(METHODS) == set(ce.METHODS) == set(schema["enum"])
+
+
+def test_a_rollout_is_run_once_more(client: Client) -> None:
+    job = client.submit("i80-10s", 0.5, **JOB, seed=13).id
+    client.wait(job)
+    found = client.rollout(job, 7, trace=True)
+    assert (
+        found.f == formula(np.array([int(found.noise_seed)], np.uint64))[0][0]
+    )  # what the light worker said
+    assert not found.same_to_the_bit  # which is not what the simulation says
+    assert found.trace is not None
+    assert {"time_s", "speed_mps"} <= set(found.trace)
+    brought_back = parse_scenario(tomllib.loads(found.scenario), "rollout 7", Path())
+    assert brought_back.fixed is not None
+    assert brought_back.fixed.noise_seed == found.noise_seed

@@ -1,0 +1,165 @@
+"""Whatever happens in whatever order, every chunk counts once and the final bits are those of one process.
+
+Hypothesis plays a fleet: it starts and kills workers, delivers answers late, twice or never, lets instructions be
+carried out at any time, kills the scheduler, takes the database away and sets the clock. Then everything that is left
+is allowed to finish.
+"""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
+
+from service.remote.fleet import events as E
+from service.remote.fleet.policy import Policy
+from tests.service.remote.fleet.world import World, reference
+
+QUICK = Policy(  # of three jobs one waits for the memory of another
+    first_rows=17, max_rows=60, audit_share=0.2, limit_s=30.0, first_limit_s=30.0, open_bytes=2
+)
+AUDIT_ALL = Policy(
+    first_rows=17, max_rows=60, audit_share=1.0, limit_s=30.0, first_limit_s=30.0, open_audits=10**6
+)
+EXPECTED = {method: reference(method) for method in ("naive", "ce")}
+
+
+class AnyOrder(RuleBasedStateMachine):
+    policy = QUICK
+    wrong_workers = 0
+
+    @initialize(methods=st.sampled_from([["naive"], ["ce"], ["naive", "ce", "naive"]]))
+    def begin(self, methods: list[str]) -> None:
+        self.world = World({f"j{i}": method for i, method in enumerate(methods)}, self.policy)
+        self.workers = 0
+        self.trouble = False
+        for i in range(self.wrong_workers):
+            self.world.join(f"wrong{i}", 1, wrong=True)
+
+    def _slots(self, lease: bool) -> list:
+        return [s for s in self.world.slots.values() if (s.lease is not None) == lease]
+
+    @rule(procs=st.integers(1, 3))
+    def a_worker_starts(self, procs: int) -> None:
+        if self.workers < 6:
+            self.world.join(f"w{self.workers}", procs)
+            self.workers += 1
+
+    @precondition(lambda self: self.world.slots)
+    @rule(data=st.data(), noticed=st.booleans())
+    def a_worker_is_killed(self, data: st.DataObject, noticed: bool) -> None:
+        worker = data.draw(st.sampled_from(sorted({name for name, _ in self.world.slots})))
+        self.world.leave(worker, noticed)
+
+    @precondition(lambda self: self._slots(lease=False))
+    @rule(data=st.data())
+    def a_slot_asks(self, data: st.DataObject) -> None:
+        slots = self._slots(lease=False)
+        self.world.ask(slots[data.draw(st.integers(0, len(slots) - 1))])
+
+    @precondition(lambda self: self._slots(lease=True))
+    @rule(data=st.data())
+    def a_slot_runs_its_chunk(self, data: st.DataObject) -> None:
+        slots = self._slots(lease=True)
+        self.world.run(slots[data.draw(st.integers(0, len(slots) - 1))])
+
+    @precondition(lambda self: self._slots(lease=True))
+    @rule(data=st.data())
+    def a_slot_loses_its_lease(self, data: st.DataObject) -> None:
+        slots = self._slots(lease=True)
+        slots[data.draw(st.integers(0, len(slots) - 1))].lease = None
+
+    @precondition(lambda self: self.world.answers)
+    @rule(data=st.data(), twice=st.booleans())
+    def an_answer_arrives(self, data: st.DataObject, twice: bool) -> None:
+        self.world.deliver(data.draw(st.integers(0, len(self.world.answers) - 1)), keep=twice)
+
+    @precondition(lambda self: self.world.answers)
+    @rule(data=st.data())
+    def an_answer_is_lost(self, data: st.DataObject) -> None:
+        del self.world.answers[data.draw(st.integers(0, len(self.world.answers) - 1))]
+
+    @precondition(lambda self: self.world.instructions)
+    @rule(data=st.data())
+    def statistics_are_done(self, data: st.DataObject) -> None:
+        self.world.compute(data.draw(st.integers(0, len(self.world.instructions) - 1)))
+
+    @precondition(lambda self: self.world.writes and not self.trouble)
+    @rule(times=st.integers(1, 5))
+    def the_database_writes(self, times: int) -> None:
+        for _ in range(min(times, len(self.world.writes))):
+            self.world.write()
+
+    @rule()
+    def the_database_comes_and_goes(self) -> None:
+        self.trouble = not self.trouble
+        self.world.tell(E.StoreTrouble("no space left") if self.trouble else E.StoreWell())
+
+    @rule(seconds=st.sampled_from([-1e6, -1.0, 0.0, 0.3, 3.0, 40.0, 1e6]))
+    def time_passes_or_the_clock_jumps(self, seconds: float) -> None:
+        self.world.now += seconds
+        self.world.tell(E.Tick())
+
+    @rule()
+    def the_scheduler_is_killed_and_started_again(self) -> None:
+        self.trouble = False
+        self.world.begin()
+
+    @rule(data=st.data(), pause=st.booleans())
+    def a_job_is_paused_or_resumed(self, data: st.DataObject, pause: bool) -> None:
+        job = data.draw(st.sampled_from(sorted(self.world.jobs)))
+        self.world.tell(E.Paused(job) if pause else E.Resumed(job))
+
+    def teardown(self) -> None:
+        if not hasattr(self, "world"):
+            return
+        if self.trouble:
+            self.world.tell(E.StoreWell())
+        self.world.now = max(self.world.now, self.world.scheduler.now)
+        for job in self.world.jobs:
+            self.world.tell(E.Resumed(job))
+        for i in range(3):
+            self.world.join(f"last{i}", 2)
+        self.world.finish()
+        for job, method in self.world.jobs.items():
+            assert self.world.record.statuses[job] == "done"
+            assert self.world.bits(job) == EXPECTED[method]
+            assert self.world.counted_once(job)
+        good = set(self.world.record.quarantined) - self.world.wrong
+        assert not good, f"honest workers in quarantine: {good}"
+
+
+class WithWrongWorkers(AnyOrder):
+    """One worker in the fleet is wrong in every value, and all chunks are audited."""
+
+    policy = AUDIT_ALL
+    wrong_workers = 1
+
+
+@pytest.mark.parametrize("machine", [AnyOrder, WithWrongWorkers])
+def test_any_order_of_answers_losses_and_crashes_gives_the_same_bits(machine):
+    run_state_machine_as_test(machine, settings=_settings(15, 60))
+
+
+@pytest.mark.long
+@pytest.mark.timeout(7200)
+@pytest.mark.parametrize("machine", [AnyOrder, WithWrongWorkers])
+def test_any_order_at_length(machine):
+    run_state_machine_as_test(machine, settings=_settings(3000, 150))
+
+
+def _settings(examples: int, steps: int) -> settings:
+    return settings(
+        max_examples=examples,
+        stateful_step_count=steps,
+        deadline=None,
+        derandomize=examples < 100,
+        suppress_health_check=list(HealthCheck),
+    )

@@ -1,0 +1,319 @@
+"""A fleet without processes, network or disk: the scheduler, a record in memory, and workers that compute a formula.
+
+Everything that is under way (a reply, an answer, an instruction) lies in a list until a test delivers it, or loses it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+
+import ce
+from service.evaluation.evaluate import evaluate
+from service.evaluation.store import FAILED, Chunk, Origin
+from service.remote.fleet import events as E
+from service.remote.fleet.answers import answer_of, chunk_of
+from service.remote.fleet.messages import (
+    Answer,
+    Ask,
+    Capabilities,
+    ChunkKey,
+    Drawn,
+    Hello,
+    Lease,
+    Refused,
+)
+from service.remote.fleet.policy import Policy
+from service.remote.fleet.scheduler import Scheduler
+from service.remote.fleet.turns import next_turn, open_turn, row_hashes, rows_digest
+
+BASE = ce.Product([ce.Beta(2.0, 2.0), ce.Beta(2.0, 3.0)])
+VERSIONS = {"tailroad": "1"}
+SEED = 5
+MOST_ROWS = 1000  # of a stream
+ALGORITHMS = {
+    "naive": ce.algorithm("naive", BASE, 0.3, ce.NaiveOptions(budget=120, batch_size=50)),
+    "ce": ce.algorithm(
+        "ce", BASE, 0.1, ce.CrossEntropyOptions(budget=1000, iterations=3, samples_per_iteration=200, rho=0.1)
+    ),
+    "auto": ce.algorithm("auto", BASE, 0.05, ce.AutoOptions(budget=1200)),
+}
+
+
+def formula(x: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict[int, str]]:
+    """f, outcomes and errors of rows: what every honest worker comes to."""
+    f = x[:, 0] + 0.5 * x[:, 1] + (noise % 1000) * 1e-5
+    failed = noise % 50 == 0
+    f[failed] = np.nan
+    outcomes = np.where(failed, FAILED, noise % 3).astype(np.uint8)
+    return f, outcomes, {int(i): "no camera" for i in np.flatnonzero(failed)}
+
+
+def bits(estimate: ce.Estimate) -> tuple:
+    return estimate.p, estimate.std_error, estimate.ci, estimate.rollouts, estimate.f.tobytes()
+
+
+def reference(method: str) -> tuple:
+    """What one process comes to."""
+    return bits(evaluate(ALGORITHMS[method], SEED, lambda batch: formula(batch.x, batch.noise)[0]))
+
+
+@dataclass
+class Record:
+    """The database: chunks with what they are of, voids; nothing is ever changed."""
+
+    chunks: dict[tuple, tuple[Chunk, Origin]] = field(default_factory=dict)
+    voids: dict[tuple, int] = field(default_factory=dict)
+    audits: set[tuple] = field(default_factory=set)
+    statuses: dict[str, str] = field(default_factory=dict)
+    quarantined: dict[str, str] = field(default_factory=dict)
+
+    def append(self, r: E.Record) -> None:
+        key = (r.job, r.phase, r.iteration, r.chunk.start, r.origin.epoch)
+        self.chunks.setdefault(key, (r.chunk, r.origin))
+
+    def valid(self, job: str) -> list[tuple[tuple, Chunk, Origin]]:
+        return [
+            (key, chunk, origin)
+            for key, (chunk, origin) in sorted(self.chunks.items(), key=lambda item: item[0])
+            if key[0] == job and key not in self.voids
+        ]
+
+    def epoch(self, job: str) -> int:
+        return max((epoch for key, epoch in self.voids.items() if key[0] == job), default=0)
+
+    def read(self, job: str):
+        def chunks(phase: str, iteration: int, start: int, stop: int) -> list[tuple[Chunk, Origin]]:
+            return [
+                (chunk, origin)
+                for key, chunk, origin in self.valid(job)
+                if key[1:3] == (phase, iteration) and chunk.stop > start and chunk.start < stop
+            ]
+
+        return chunks
+
+    def quarantine(self, worker: str, reason: str) -> tuple[str, ...]:
+        self.quarantined[worker] = reason
+        doubtful = [
+            key
+            for job in {key[0] for key in self.chunks}
+            for key, _, origin in self.valid(job)
+            if origin.worker == worker and key not in self.audits
+        ]
+        jobs = sorted({key[0] for key in doubtful})
+        later = {job: self.epoch(job) + 1 for job in jobs}
+        self.voids |= {key: later[key[0]] for key in doubtful}
+        return tuple(jobs)
+
+
+@dataclass
+class Slot:
+    worker: str
+    number: int
+    lease: Lease | None = None
+    waiting: bool = False
+
+
+@dataclass
+class World:
+    """The fleet of some jobs, by method."""
+
+    jobs: dict[str, str]  # id -> method
+    policy: Policy = Policy(first_rows=7, audit_share=0.0)  # noqa: RUF009 (frozen)
+    now: float = 0.0
+    record: Record = field(default_factory=Record)
+    turns: dict[str, tuple] = field(default_factory=dict)
+    instructions: list = field(default_factory=list)  # for the statistics: in any order
+    writes: list = field(default_factory=list)  # for the database: in order
+    requests: dict[int, Slot | None] = field(default_factory=dict)
+    slots: dict[tuple[str, int], Slot] = field(default_factory=dict)
+    answers: list[Answer] = field(default_factory=list)  # on their way
+    wrong: set[str] = field(default_factory=set)
+    leased: int = 0
+    replies: list = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.last_request = 0
+        self.begin()
+
+    # -- the scheduler's side --------------------------------------------------------------------------------
+
+    def begin(self) -> None:
+        """A scheduler, the first one or after a crash: all that is left is the record."""
+        self.scheduler = Scheduler(VERSIONS, self.policy, dict(self.record.quarantined))
+        self.instructions, self.writes, self.requests = [], [], {}
+        for slot in self.slots.values():
+            slot.waiting = False
+        for job in self.jobs:
+            status = self.record.statuses.get(job, "running")
+            if status in ("running", "paused"):
+                self.tell(E.Submitted(job, "idm", paused=status == "paused", held_bytes=1))
+
+    def tell(self, event: E.Event) -> None:
+        for one in self.scheduler.handle(self.now, event):
+            if isinstance(one, E.Send):
+                self._reply(self.requests.pop(one.request), one.reply)
+            elif isinstance(one, E.Open | E.Step):
+                self.instructions.append(one)
+            elif not isinstance(one, E.Tell | E.Note):
+                self.writes.append(one)
+
+    def _reply(self, slot: Slot | None, reply) -> None:
+        self.replies.append(reply)
+        if slot is not None:
+            slot.waiting = False
+            if isinstance(reply, Lease):
+                self.leased += 1
+                slot.lease = reply
+            elif isinstance(reply, Refused) and reply.unknown:
+                self.hello(slot.worker)
+
+    def compute(self, which: int = 0) -> None:
+        """Carry out an instruction for the statistics."""
+        one = self.instructions.pop(which)
+        algorithm = ALGORITHMS[self.jobs[one.job]]
+        epoch = self.record.epoch(one.job)
+        if isinstance(one, E.Open):
+            replay = open_turn(algorithm, SEED, epoch, self.record.read(one.job))
+            self._keep(one.job, epoch, replay)
+            self.tell(E.Opened(one.job, one.generation, epoch, replay))
+        else:
+            replay = next_turn(algorithm, one.turn, epoch, self.record.read(one.job))
+            self._keep(one.job, epoch, replay)
+            self.tell(E.Stepped(one.job, one.generation, replay))
+
+    def _keep(self, job: str, epoch: int, replay) -> None:
+        self.record.voids |= {(job, *name): epoch for name in replay.stale}
+        self.turns[job] = replay.turn
+
+    def write(self) -> None:
+        """Carry out the first thing that waits for the database."""
+        one = self.writes.pop(0)
+        if isinstance(one, E.Record):
+            self.record.append(one)
+            self.tell(E.Recorded((one.ticket,)))
+        elif isinstance(one, E.SetStatus):
+            self.record.statuses[one.job] = one.status
+        elif isinstance(one, E.Confirm):
+            self.record.audits.add((one.job, one.phase, one.iteration, one.start, one.epoch))
+        elif isinstance(one, E.Quarantine):
+            jobs = self.record.quarantine(one.worker, one.reason)
+            self.tell(E.Voided(one.worker, jobs))
+            for job in jobs:
+                if self.record.statuses.get(job) == "done":
+                    self.record.statuses[job] = "running"
+                    self.tell(E.Submitted(job, "idm", held_bytes=1))
+
+    # -- the workers' side -----------------------------------------------------------------------------------
+
+    def say(self, message, slot: Slot | None = None, chunk: Chunk | None = None) -> None:
+        self.last_request += 1
+        self.requests[self.last_request] = slot
+        self.tell(E.Said(self.last_request, message, chunk))
+
+    def join(self, worker: str, procs: int = 1, wrong: bool = False) -> None:
+        for number in range(procs):
+            self.slots[worker, number] = Slot(worker, number)
+        if wrong:
+            self.wrong.add(worker)
+        self.hello(worker)
+
+    def hello(self, worker: str) -> None:
+        procs = sum(1 for name, _ in self.slots if name == worker)
+        if procs:
+            self.say(Hello(worker, Capabilities(procs, ("idm",), False, False, VERSIONS)))
+
+    def leave(self, worker: str, noticed: bool = True) -> None:
+        """The worker dies; the scheduler is told, or has to find out."""
+        for key in [key for key in self.slots if key[0] == worker]:
+            del self.slots[key]
+        if noticed:
+            self.tell(E.Gone(worker))
+
+    def ask(self, slot: Slot) -> None:
+        slot.lease, slot.waiting = None, True
+        self.say(Ask(slot.worker, slot.number), slot)
+
+    def run(self, slot: Slot) -> None:
+        """Run the slot's chunk; the answer is on its way."""
+        lease = slot.lease
+        assert lease is not None
+        slot.lease = None
+        self.answers.append(answer(lease, slot.worker, slot.worker in self.wrong))
+
+    def deliver(self, which: int = 0, keep: bool = False) -> None:
+        """An answer arrives; keep: and will once more."""
+        one = self.answers[which] if keep else self.answers.pop(which)
+        before = len(self.replies)
+        self.say(one, None, chunk_of(one))
+        replies = self.replies[before:]
+        last = next((r for r in replies if isinstance(r, Refused)), None)
+        if last is not None and last.unknown:
+            self.hello(one.worker)
+        alive = any(name == one.worker for name, _ in self.slots)
+        if last is not None and (last.again or last.unknown) and alive and not keep:
+            self.answers.append(one)  # the worker tries again
+
+    # -- to the end ------------------------------------------------------------------------------------------
+
+    def finish(self, steps: int = 20_000) -> None:
+        """Let everything take its course until all jobs are over."""
+        for _ in range(steps):
+            if self.instructions:
+                self.compute()
+            elif self.writes:
+                self.write()
+            elif self.answers:
+                self.deliver()
+            elif busy := [slot for slot in self.slots.values() if slot.lease is not None]:
+                self.run(busy[0])
+            elif all(
+                self.record.statuses.get(job, "running") not in ("running", "paused") for job in self.jobs
+            ):
+                return
+            else:
+                self.now += 1.0
+                for slot in list(self.slots.values()):
+                    if not slot.waiting and slot.lease is None:
+                        self.ask(slot)
+                self.tell(E.Tick())
+        raise AssertionError(f"the jobs do not end: {self.record.statuses}, {self.scheduler.jobs}")
+
+    def bits(self, job: str) -> tuple:
+        return bits(ALGORITHMS[self.jobs[job]].estimate(self.turns[job].state))
+
+    def counted_once(self, job: str) -> bool:
+        """Whether every row of the job's batches is in one valid chunk, and none in two."""
+        rows: set[tuple] = set()
+        for key, chunk, _ in self.record.valid(job):
+            mine = {(key[1], key[2], row) for row in range(chunk.start, chunk.stop)}
+            if mine & rows:
+                return False
+            rows |= mine
+        return len(rows) == self.bits(job)[3]
+
+
+@lru_cache(maxsize=256)
+def drawn(parameters: bytes, seed: int, phase: str, iteration: int) -> tuple[np.ndarray, np.ndarray]:
+    """All rows that a batch of these jobs can have: drawing them takes longer than all the rest of a play."""
+    return ce.draw(BASE.with_parameters(np.frombuffer(parameters)), seed, phase, iteration, 0, MOST_ROWS)
+
+
+def answer(lease: Lease, worker: str, wrong: bool = False) -> Answer:
+    """The answer of an honest worker, or of a wrong one."""
+    key: ChunkKey = lease.chunk
+    n = key.stop - key.start
+    if isinstance(lease.rows, Drawn):
+        x, noise = drawn(lease.rows.parameters, lease.rows.seed, key.phase, key.iteration)
+        x, noise = x[key.start : key.stop], noise[key.start : key.stop]
+    else:
+        x = np.frombuffer(lease.rows.x).reshape(n, -1)
+        noise = np.frombuffer(lease.rows.noise, np.uint64)
+    assert rows_digest(row_hashes(x, noise)) == key.digest
+    f, outcomes, errors = formula(x, noise)
+    if wrong:
+        f = f + 0.4 * (noise % 2)  # so much that the search goes elsewhere
+    chunk = Chunk(key.start, key.stop, f, outcomes, np.full(n, 9, np.int32), errors, 0.05 * n)
+    return answer_of(worker, lease.lease, key, chunk)
