@@ -4,12 +4,13 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate test check bench bench-camera calibration calibration-peers guides faults bench-fleet fuzz foreign-clients drivers ego-vision schema example-ego format clean
+.PHONY: help estimate test check docs bench bench-camera calibration calibration-peers guides faults bench-fleet fuzz foreign-clients drivers ego-vision schema example-ego format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
-	@echo "make test       install everything; format, lint, types, import contracts, tests"
+	@echo "make test       install everything; format, lint, types, import contracts, documentation, tests"
 	@echo "make check      the same without the tests"
+	@echo "make docs       build the documentation into build/docs, and check it"
 	@echo "make bench      measure the world's speed beside the bare SUMO loop"
 	@echo "make bench-camera  what a picture, the vision network and egos elsewhere cost (minutes)"
 	@echo "make calibration  run every estimator on problems with known answers (an hour or more)"
@@ -40,6 +41,12 @@ check: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m docs.site
+
+# From this folder alone, nothing is fetched. Dead links, pages that no page leads to and anything that a page would fetch
+# from elsewhere end it.
+docs: $(VENV)/.installed-dev
+	$(BIN)/python -m docs.site
 
 bench: $(VENV)/.installed
 	$(BIN)/tailroad bench --memory-rollouts 10000

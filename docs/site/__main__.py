@@ -1,0 +1,75 @@
+"""Gathers the pages, has them rendered, and checks the result: `python -m docs.site`."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import PurePosixPath
+from typing import Any
+
+import tomli_w
+
+from docs.site.check import complaints
+from docs.site.gather import ROOT, DeadLink, gather
+from docs.site.generate import pages
+
+BUILD = ROOT / "build"
+SITE = BUILD / "docs"
+
+
+def main() -> int:
+    """Build the site into build/docs; 1 where anything about it is wrong."""
+    settings = tomllib.loads((ROOT / "docs" / "site.toml").read_text(encoding="utf-8"))
+    sources = BUILD / settings["project"]["docs_dir"]
+    shutil.rmtree(sources, ignore_errors=True)
+    try:
+        there = gather(settings.pop("places"), pages(), sources)
+    except DeadLink as e:
+        print(e, file=sys.stderr)
+        return 1
+    settings["project"]["nav"] = [_expanded(item, there) for item in settings["project"]["nav"]]
+    forgotten = [
+        str(p) for p in there if p.parts[0] != "source" and str(p) not in _named(settings["project"]["nav"])
+    ]
+    (BUILD / "zensical.toml").write_text(tomli_w.dumps(settings), encoding="utf-8")
+    rendered = subprocess.run(
+        [sys.executable, "-m", "zensical", "build", "--strict", "--clean", "-f", BUILD / "zensical.toml"],
+        cwd=ROOT,
+        env=os.environ | {"NO_COLOR": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    if rendered.returncode:
+        print(rendered.stdout.partition("Traceback (most recent call last)")[0], file=sys.stderr)
+        return 1
+    wrong = [f"{p}: not in the navigation (docs/site.toml)" for p in forgotten] + complaints(SITE)
+    print("\n".join(wrong) or f"{len(there)} pages: {(SITE / 'index.html').relative_to(ROOT)}")
+    return 1 if wrong else 0
+
+
+def _expanded(item: Any, there: list[PurePosixPath]) -> Any:
+    """An entry of the navigation, with a folder's name replaced by the folder's pages."""
+    if isinstance(item, dict):
+        return {title: _expanded(inner, there) for title, inner in item.items()}
+    if isinstance(item, str) and item.endswith("/"):
+        inside = [p for p in there if p.parent == PurePosixPath(item)]
+        return [str(p) for p in sorted(inside, key=lambda p: (p.name != "index.md", p.name))]
+    if isinstance(item, list):
+        whole = [_expanded(inner, there) for inner in item]
+        return [one for inner in whole for one in (inner if isinstance(inner, list) else [inner])]
+    return item
+
+
+def _named(item: Any) -> set[str]:
+    """Every page that the navigation names."""
+    if isinstance(item, dict):
+        item = list(item.values())
+    return {item} if isinstance(item, str) else {page for inner in item for page in _named(inner)}
+
+
+if __name__ == "__main__":
+    sys.exit(main())
