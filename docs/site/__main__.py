@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import tomli_w
@@ -16,39 +16,43 @@ from docs.site.check import complaints
 from docs.site.gather import ROOT, DeadLink, gather
 from docs.site.generate import pages
 
-BUILD = ROOT / "build"
-SITE = BUILD / "docs"
-
 
 def main() -> int:
     """Build the site into build/docs; 1 where anything about it is wrong."""
-    settings = tomllib.loads((ROOT / "docs" / "site.toml").read_text(encoding="utf-8"))
-    sources = BUILD / settings["project"]["docs_dir"]
-    shutil.rmtree(sources, ignore_errors=True)
     try:
-        there = gather(settings.pop("places"), pages(), sources)
+        wrong = build(ROOT / "build")
     except DeadLink as e:
-        print(e, file=sys.stderr)
-        return 1
-    settings["project"]["nav"] = [_expanded(item, there) for item in settings["project"]["nav"]]
-    forgotten = [
-        str(p) for p in there if p.parts[0] != "source" and str(p) not in _named(settings["project"]["nav"])
-    ]
-    (BUILD / "zensical.toml").write_text(tomli_w.dumps(settings), encoding="utf-8")
+        wrong = [str(e)]
+    print("\n".join(wrong) or "The documentation: build/docs/index.html")
+    return 1 if wrong else 0
+
+
+def build(folder: Path) -> list[str]:
+    """Build the site into `folder`/docs. Returns what is wrong with it. Raises DeadLink."""
+    settings = tomllib.loads((ROOT / "docs" / "site.toml").read_text(encoding="utf-8"))
+    project = settings["project"]
+    sources = folder / project["docs_dir"]
+    shutil.rmtree(sources, ignore_errors=True)
+    there = gather(settings.pop("places"), pages(), sources)
+    project["nav"] = [_expanded(item, there) for item in project["nav"]]
+    named = _named(project["nav"])
+    forgotten = [p for p in there if p.parts[0] != "source" and str(p) not in named]
+    project["plugins"]["mkdocstrings"]["handlers"]["python"]["paths"] = [str(ROOT)]
+    configuration = folder / "zensical.toml"
+    configuration.write_text(tomli_w.dumps(settings), encoding="utf-8")
     rendered = subprocess.run(
-        [sys.executable, "-m", "zensical", "build", "--strict", "--clean", "-f", BUILD / "zensical.toml"],
+        [sys.executable, "-m", "zensical", "build", "--strict", "--clean", "-f", configuration],
         cwd=ROOT,
-        env=os.environ | {"NO_COLOR": "1"},
+        env=os.environ | {"NO_COLOR": "1", "PYTHONPATH": str(ROOT)},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
     )
     if rendered.returncode:
-        print(rendered.stdout.partition("Traceback (most recent call last)")[0], file=sys.stderr)
-        return 1
-    wrong = [f"{p}: not in the navigation (docs/site.toml)" for p in forgotten] + complaints(SITE)
-    print("\n".join(wrong) or f"{len(there)} pages: {(SITE / 'index.html').relative_to(ROOT)}")
-    return 1 if wrong else 0
+        return [rendered.stdout.partition("Traceback (most recent call last)")[0]]
+    return [f"{p}: not in the navigation (docs/site.toml)" for p in forgotten] + complaints(
+        folder / project["site_dir"]
+    )
 
 
 def _expanded(item: Any, there: list[PurePosixPath]) -> Any:

@@ -36,7 +36,8 @@ def gather(places: dict[str, str], made: dict[str, str], into: Path) -> list[Pur
     """
     tracked = _tracked()
     pages = [p for p in tracked if p.suffix == ".md"] + [PurePosixPath(p) for p in made]
-    site = {page: _place(page, places) for page in pages}
+    worn = [p for p in tracked if p.is_relative_to("docs/assets")]
+    site = {p: _place(p, places) for p in pages + worn}
     waiting: list[PurePosixPath] = list(site)
     done: set[PurePosixPath] = set()
     dead: list[str] = []

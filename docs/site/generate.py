@@ -8,7 +8,9 @@ from docs.site.gather import ROOT
 
 def pages() -> dict[str, str]:
     """Every page and picture that is made from the sources."""
+    icon = ROOT / "service" / "front" / "dashboard" / "static" / "icon.svg"
     return {
+        "docs/assets/icon.svg": icon.read_text(encoding="utf-8"),
         "docs/reference/command-line.md": commands.page(),
         "deploy/decisions/README.md": decisions.index(),
         f"{objects.folder().relative_to(ROOT).as_posix()}/README.md": objects.page(),
