@@ -5,6 +5,7 @@ README.md in this folder has the notation, the equations and the conditions behi
 
 from ce.auto import Auto, AutoOptions
 from ce.beta import Beta
+from ce.codec import to_bytes
 from ce.comparison import Comparison, compare
 from ce.cross_entropy import CrossEntropy, CrossEntropyOptions
 from ce.errors import (
@@ -16,6 +17,7 @@ from ce.errors import (
     StateError,
     ThresholdError,
 )
+from ce.estimate_warnings import EstimateWarning
 from ce.marginals import Exponential, Gumbel, LogNormal, Marginal, TruncatedNormal, Uniform, Weibull
 from ce.mixture import MixtureOptions, MixtureSampling
 from ce.naive import Naive, NaiveOptions
@@ -23,24 +25,17 @@ from ce.normal import Normal
 from ce.paired import paired
 from ce.product import Product
 from ce.protocol import Algorithm
+from ce.records import Batch, EstimationRecord, TrainingRecord
 from ce.replicated import ReplicatedEstimate
-from ce.results import Condition, Curve, Estimate, FailedRollout, Trace, variance_ratio
+from ce.results import Curve, Estimate, FailedRollout, Trace, variance_ratio
 from ce.robust import Sensitivity, reweighted, sensitivity, worst_case
-from ce.run import METHODS, OPTIONS, algorithm, estimate, general_options
+from ce.run import METHODS, OPTIONS, algorithm, estimate, general_options, present_options
 from ce.splitting import Splitting, SplittingOptions
-from ce.state import (
-    AutoState,
-    Batch,
-    CrossEntropyState,
-    EstimationRecord,
-    MixtureState,
-    NaiveState,
-    SplittingState,
-    TrainingRecord,
-    to_bytes,
-)
+from ce.standard_normal import StandardNormal
+from ce.state import AutoState, CrossEntropyState, MixtureState, NaiveState, SplittingState
 from ce.streams import Stream, draw
-from ce.white import White
+
+White = StandardNormal  # its former name
 
 __all__ = [
     "METHODS",
@@ -54,12 +49,12 @@ __all__ = [
     "BudgetError",
     "CeError",
     "Comparison",
-    "Condition",
     "CrossEntropy",
     "CrossEntropyOptions",
     "CrossEntropyState",
     "Curve",
     "Estimate",
+    "EstimateWarning",
     "EstimationRecord",
     "Exponential",
     "FailedRollout",
@@ -82,6 +77,7 @@ __all__ = [
     "Splitting",
     "SplittingOptions",
     "SplittingState",
+    "StandardNormal",
     "StateError",
     "Stream",
     "ThresholdError",
@@ -97,6 +93,7 @@ __all__ = [
     "estimate",
     "general_options",
     "paired",
+    "present_options",
     "reweighted",
     "sensitivity",
     "to_bytes",

@@ -4,12 +4,12 @@
               -> naive where at least COMMON of the pilot are events
               -> splitting where the last batch of the search holds no event and was hardly ahead of the base
               -> splitting (naive where the event is common enough for that) where after a fifth of the budget, and
-                 after the look where one comes early, the proposals are still hardly ahead of the base, each at the
-                 level it was fitted to
+                 after the mode search where one comes early, the proposals are still hardly ahead of the base, each at
+                 the level it was fitted to
               -> naive where the proposal found promises less than naive Monte Carlo with the rollouts left
     trial     the first TRIAL of the fresh sample
               -> splitting (naive where the event is common enough for that) where that promises more than the
-                 proposal does by its effective events, which count for less (DOUBT) where its weights are warned of
+                 proposal does by its effective events, which count for less (DISCOUNT) where its weights are warned of
     estimate  the rest
 
 What an abandoned stage has cost is counted as training, and nothing of it enters the estimate, whose interval and
@@ -19,43 +19,53 @@ warnings are those of the method that is left at the end (`est.method`).
 import functools
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import msgspec
 from numpy.typing import ArrayLike
 
-from ce.checks import at_least, in_range
+from ce.checks import at_least, precision_in_range
+from ce.codec import to_bytes
 from ce.errors import BudgetError, StateError
-from ce.headway import led, stalled
+from ce.estimate_warnings import FEW_EVENTS, EstimateWarning
+from ce.estimator import Estimator
+from ce.log_efficiency import stalled, well_ahead
 from ce.mixture import MixtureOptions, MixtureSampling
 from ce.naive import Naive, NaiveOptions
-from ce.posed import Posed
 from ce.product import Product
 from ce.protocol import Algorithm
-from ce.results import FEW_EVENTS, Condition, Estimate, FailedRollout
+from ce.records import Batch, EstimationRecord, TrainingRecord
+from ce.results import Estimate, FailedRollout
 from ce.splitting import Splitting, SplittingOptions
-from ce.state import AutoState, Batch, EstimationRecord, MixtureState, TrainingRecord, to_bytes
+from ce.state import AutoState, MixtureState
 from ce.streams import checked_seed
 
-COMMON = 0.1  # share of events in the pilot from which naive Monte Carlo is taken
-LEAST_SEARCH = 1000  # rollouts below which nothing but naive Monte Carlo is tried
-DOUBT = 0.3  # what effective events are counted for where a warning says not to rely on them
-COST = 36.0  # rollouts a level and effective event of splitting, measured (README)
-TRIAL = 0.2  # of the fresh sample
-ENOUGH_NAIVE = (
-    400.0  # events expected of naive Monte Carlo from which it is preferred to splitting in any case
-)
-OFFSETS = {
-    "mixture": 0,
-    "naive": 1000,
-    "splitting": 2000,
-}  # added to a stage's iterations: keys stay distinct
-_SHAKY = frozenset({"no-events", "dominant-weight", "heavy-tailed-weights"})
+# Share of events in the pilot from which naive Monte Carlo is taken.
+COMMON = 0.1
+# Rollouts below which nothing but naive Monte Carlo is tried.
+LEAST_SEARCH = 1000
+# What effective events are counted for where a warning says not to rely on them.
+DISCOUNT = 0.3
+# Rollouts a level and effective event of splitting, measured (README).
+COST = 36.0
+# Of the fresh sample.
+TRIAL = 0.2
+# Events expected of naive Monte Carlo from which it is preferred to splitting in any case.
+ENOUGH_NAIVE = 400.0
+# Added to a stage's iterations, so that keys stay distinct.
+OFFSETS = {"mixture": 0, "naive": 1000, "splitting": 2000}
+_UNRELIABLE = frozenset({"no-events", "dominant-weight", "heavy-tailed-weights"})
 
 
 @dataclass(frozen=True)
 class AutoOptions:
-    """budget: rollouts at most; rel_error: relative half-width to stop at (None: spend the budget); confidence: of
-    the interval; batch_size: estimation rollouts in a batch."""
+    """Options of method auto.
+
+    budget: rollouts at most
+    rel_error: relative half-width of the interval to stop at (None: spend the budget)
+    confidence: of the interval, in (0, 1)
+    batch_size: estimation rollouts in a batch
+    """
 
     budget: int = 100_000
     rel_error: float | None = None
@@ -67,9 +77,7 @@ class AutoOptions:
         if self.budget < 1:
             raise BudgetError(f"budget must be at least 1 rollout, not {self.budget}")
         at_least("batch_size", self.batch_size, 1)
-        in_range("confidence", self.confidence, 0, 1)
-        if self.rel_error is not None:
-            in_range("rel_error", self.rel_error, 0, math.inf)
+        precision_in_range(self.rel_error, self.confidence)
 
     def held_rows(self, dim: int) -> int:
         """Rows of `dim` numbers that a state and its open batch hold together at most."""
@@ -80,13 +88,13 @@ class AutoOptions:
 
 
 @dataclass(frozen=True)
-class Auto(Posed):
+class Auto(Estimator[AutoState]):
     """The algorithm: pure functions of a frozen state."""
 
     options: AutoOptions = AutoOptions()
 
     method = "auto"
-    state_kind = AutoState
+    state_type = AutoState
 
     @property
     def total_rollouts(self) -> int:
@@ -135,7 +143,9 @@ class Auto(Posed):
         if state.reason and est.finished and state.stage == "splitting":
             warnings = (
                 *warnings,
-                Condition("method-switched", state.reason, "none needed where the interval is narrow enough"),
+                EstimateWarning(
+                    "method-switched", state.reason, "none needed where the interval is narrow enough"
+                ),
             )
         return replace(
             est,
@@ -153,7 +163,8 @@ class Auto(Posed):
     # -- stages ----------------------------------------------------------------------------------------------
 
     @functools.lru_cache(maxsize=8)  # noqa: B019 (a few small objects; the algorithm outlives them anyway)
-    def _inner(self, stage: str, spent: int) -> Algorithm:
+    def _inner(self, stage: str, spent: int) -> Algorithm[Any]:
+        """The algorithm of a stage that begins after so many rollouts."""
         o = self.options
         left, precision, sure, size = o.budget - spent, o.rel_error, o.confidence, o.batch_size
         if stage == "naive":
@@ -169,69 +180,78 @@ class Auto(Posed):
         )
 
     @functools.lru_cache(maxsize=1)  # noqa: B019 (one state, from `propose` to the `update` that answers it)
-    def _opened(self, stage: str, spent: int, inner: bytes):
+    def _opened(self, stage: str, spent: int, inner: bytes) -> Any:
         return self._inner(stage, spent).from_bytes(inner)
 
-    def _open(self, state: AutoState):
+    def _open(self, state: AutoState) -> tuple[Algorithm[Any], Any]:
+        """The present stage's algorithm and its own state."""
         return self._inner(state.stage, state.spent), self._opened(state.stage, state.spent, state.inner)
 
-    def _switched(self, state: AutoState, inner: Algorithm, within) -> AutoState:
+    def _switched(self, state: AutoState, inner: Algorithm[Any], within: Any) -> AutoState:
         """The state of the stage that the diagnostics call for."""
-        if state.stage != "mixture" or within.phase == "done":
+        if not isinstance(within, MixtureState) or within.phase == "done":
             return state
         est = inner.estimate(within)
         left = self.options.budget - est.rollouts
-        last = within.records[-1]
         if len(within.records) == 1:
-            if left > 0 and last.events >= COMMON * last.rollouts:
-                return self._go(state, est, "naive", "the event is common")
+            pilot = within.records[0]
+            if left > 0 and pilot.events >= COMMON * pilot.rollouts:
+                return self._switch(state, est, "naive", "the event is common")
             return state
         if within.phase == "train" and self._stalled(inner, within, est.rollouts):
-            p = sum(within.shares) / len(within.shares)
-            return self._rare(state, est, p, left, "the search is hardly ahead of naive Monte Carlo")
+            p = sum(within.search.shares) / len(within.search.shares)
+            return self._switch_as_rare(
+                state, est, p, left, "the search is hardly ahead of naive Monte Carlo"
+            )
         if within.phase != "estimate":
             return state
-        if within.f.size == 0:
-            if last.events == 0:
-                if led(within.headway):
-                    return state  # what is fitted to a level just short of gamma may well reach it: the trial tells
-                return self._rare(state, est, 0.0, left, "the search found no events")
-            # What the last batch of the search was worth; an elite, at most one rollout of what is fitted to it.
-            promised = within.worths[-1] if within.worths else last.ess / est.rollouts
-            if _pilot_share(within) * left > max(promised * left, FEW_EVENTS):
-                return self._go(
-                    state, est, "naive", "the proposal found promises less than naive Monte Carlo"
-                )
-            return state
-        fresh = within.f.size + left
-        if not state.tried and within.f.size >= TRIAL * fresh:
-            shaky = sorted(w.name for w in est.warnings if w.name in _SHAKY)
-            worth = est.ess / max(est.f.size, 1) * left * (DOUBT if shaky else 1.0)
-            if worth < max(est.p * left, _splitting_worth(est.p, left)):
-                return self._rare(
-                    state,
-                    est,
-                    est.p,
-                    left,
-                    f"the trial of the proposal was poor ({', '.join(shaky) or 'few-events'})",
-                )
-            return msgspec.structs.replace(state, tried=True)
+        if within.sample.f.size == 0:
+            return self._after_search(state, within, est, left)
+        if not state.tried and within.sample.f.size >= TRIAL * (within.sample.f.size + left):
+            return self._after_trial(state, est, left)
         return state
 
-    def _stalled(self, inner: Algorithm, within: MixtureState, rollouts: int) -> bool:
+    def _after_search(self, state: AutoState, within: MixtureState, est: Estimate, left: int) -> AutoState:
+        """Where the proposal found promises too little for a trial, another stage."""
+        last, search = within.records[-1], within.search
+        if last.events == 0:
+            if well_ahead(search.log_efficiencies):
+                return (
+                    state  # what is fitted to a level just short of gamma may well reach it: the trial tells
+                )
+            return self._switch_as_rare(state, est, 0.0, left, "the search found no events")
+        # What the last batch of the search was worth; an elite, at most one rollout of what is fitted to it.
+        promised = search.ess_rates[-1] if search.ess_rates else last.ess / est.rollouts
+        if _pilot_share(within) * left > max(promised * left, FEW_EVENTS):
+            reason = "the proposal found promises less than naive Monte Carlo"
+            return self._switch(state, est, "naive", reason)
+        return state
+
+    def _after_trial(self, state: AutoState, est: Estimate, left: int) -> AutoState:
+        """Where the trial of the proposal was poor, another stage."""
+        named = sorted(w.name for w in est.warnings if w.name in _UNRELIABLE)
+        promised = est.ess / max(est.f.size, 1) * left * (DISCOUNT if named else 1.0)
+        if promised < max(est.p * left, _splitting_ess(est.p, left)):
+            reason = f"the trial of the proposal was poor ({', '.join(named) or 'few-events'})"
+            return self._switch_as_rare(state, est, est.p, left, reason)
+        return msgspec.structs.replace(state, tried=True)
+
+    def _stalled(self, inner: Algorithm[Any], within: MixtureState, rollouts: int) -> bool:
         assert isinstance(inner, MixtureSampling)
-        looks = [k for k, record in enumerate(within.records) if "look" in record.summary]
-        if not looks and inner.looks_early:
+        searched = [k for k, record in enumerate(within.records) if "mode_search" in record.summary]
+        if not searched and inner.searches_modes_early:
             return False  # modes that hold the search up may be found yet
-        since = len(within.records) - 1 - looks[-1] if looks else None
-        return stalled(within.headway, rollouts / self.options.budget, since)
+        since = len(within.records) - 1 - searched[-1] if searched else None
+        return stalled(within.search.log_efficiencies, rollouts / self.options.budget, since)
 
-    def _rare(self, state: AutoState, est: Estimate, p: float, left: int, reason: str) -> AutoState:
-        if p * left >= min(ENOUGH_NAIVE, _splitting_worth(p, left)):
-            return self._go(state, est, "naive", reason)
-        return self._go(state, est, "splitting", reason) if left >= LEAST_SEARCH else state
+    def _switch_as_rare(self, state: AutoState, est: Estimate, p: float, left: int, reason: str) -> AutoState:
+        """To splitting; to naive Monte Carlo where p is large enough for that; nowhere with too few rollouts left."""
+        if p * left >= min(ENOUGH_NAIVE, _splitting_ess(p, left)):
+            return self._switch(state, est, "naive", reason)
+        return self._switch(state, est, "splitting", reason) if left >= LEAST_SEARCH else state
 
-    def _go(self, state: AutoState, est: Estimate, stage: str, reason: str) -> AutoState:
+    def _switch(self, state: AutoState, est: Estimate, stage: str, reason: str) -> AutoState:
+        """The state before the first batch of another stage."""
         inner = self._inner(stage, est.rollouts)
         return AutoState(
             digest=state.digest,
@@ -245,13 +265,13 @@ class Auto(Posed):
         )
 
 
-def _pilot_share(within) -> float:
+def _pilot_share(within: MixtureState) -> float:
     """p by the pilot, whose rollouts are the base's: its lower end, so that a lucky event decides nothing."""
     events = within.records[0].events
     return max(events - 2.0 * math.sqrt(events), 0.0) / within.records[0].rollouts
 
 
-def _splitting_worth(p: float, rollouts: int) -> float:
+def _splitting_ess(p: float, rollouts: int) -> float:
     """Effective events that splitting makes of so many rollouts: rollouts / (COST L^2), L = log10(1 / p) levels."""
     return rollouts / (COST * math.log10(1.0 / min(max(p, 1e-12), 0.1)) ** 2)
 

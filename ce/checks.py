@@ -5,9 +5,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ce.errors import FamilyError, OptionsError, ResponseError, StateError, ThresholdError
+from ce.errors import BudgetError, FamilyError, OptionsError, ResponseError, StateError, ThresholdError
 from ce.product import Product
-from ce.state import Batch
+from ce.records import Batch
 
 
 def checked_problem(base: Product, gamma: float) -> tuple[Product, float]:
@@ -36,6 +36,20 @@ def at_least(name: str, value: int, least: int) -> None:
     """OptionsError unless value is an integer >= least."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise OptionsError(f"{name} must be an integer of at least {least}, not {value!r}")
+
+
+def budget_of_at_least(least: int, budget: int, method: str) -> None:
+    """BudgetError unless budget is at least that many rollouts; OptionsError unless it is a positive integer."""
+    at_least("budget", budget, 1)
+    if budget < least:
+        raise BudgetError(f"method {method} needs a budget of at least {least}, not {budget}")
+
+
+def precision_in_range(rel_error: float | None, confidence: float) -> None:
+    """OptionsError unless 0 < confidence < 1 and rel_error, where there is one, is positive and finite."""
+    in_range("confidence", confidence, 0, 1)
+    if rel_error is not None:
+        in_range("rel_error", rel_error, 0, math.inf)
 
 
 def checked_response(batch: Batch, f: ArrayLike) -> NDArray[np.float64]:

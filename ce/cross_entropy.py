@@ -22,23 +22,21 @@ from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from ce.checks import at_least, checked_response, checked_turn, in_range
+from ce.checks import at_least, checked_response, checked_turn, in_range, precision_in_range
 from ce.errors import BudgetError, OptionsError
-from ce.importance import ImportanceSampling, starved_condition
+from ce.estimate_warnings import EstimateWarning
+from ce.importance import ImportanceSampling, failed_rows, starved_warning
 from ce.product import Product
 from ce.projection import Projection
-from ce.results import Condition
-from ce.state import (
-    Batch,
-    CrossEntropyState,
-    EstimationRecord,
-    TrainingRecord,
-)
-from ce.stopping import first_look
+from ce.records import Batch, EstimationRecord, TrainingRecord
+from ce.state import NO_SAMPLE, CrossEntropyState
+from ce.stopping import first_interim
 from ce.streams import checked_seed, draw
 from ce.weights import effective_sample_size, max_share, normalised, order_statistic
+
+Array = NDArray[np.float64]
 
 LEAST_BUDGET = 1000
 _BISECTIONS = 12
@@ -46,16 +44,22 @@ _BISECTIONS = 12
 
 @dataclass(frozen=True)
 class CrossEntropyOptions:
-    """Options of Algorithm 1. The constraints' defaults are the paper's (section 4).
+    """Options of Algorithm 1, whose constraints are by default the paper's (section 4).
 
-    iterations: K; samples_per_iteration: N_k; estimation_rollouts: fresh rollouts at most. Those left at
-    None are filled from budget, the total (see `sizes`); given together with budget they must fit into
-    it. rho: quantile level; step: alpha, in (0, 1]. beta_bounds: of alpha and beta of every Beta; mean_box:
-    |mu - mu0|_inf of every Normal in its own units, None for no bound; learn_covariance: move the Normals'
-    covariances too (low dimensions only, needs mean_box = None). stop_when_reached: leave the search as
-    soon as gamma_k = gamma (False: all K iterations, as printed). rel_error: relative half-width at which
-    to stop the estimation (None: use all estimation_rollouts). batch_size: estimation rollouts in a batch;
-    a search iteration is always one batch.
+    iterations: K (None: filled from budget, see `sizes`)
+    samples_per_iteration: N_k; a search iteration is always one batch (None: filled from budget)
+    rho: quantile level, in (0, 1)
+    step: alpha, in (0, 1]
+    estimation_rollouts: fresh rollouts at most (None: filled from budget)
+    budget: rollouts in all, into which the other sizes must fit (None: no limit of its own)
+    beta_bounds: of alpha and beta of every Beta
+    mean_box: largest |mu - mu0| of every Normal, in its own units (None: no bound)
+    learn_covariance: move the Normals' covariances too; for low dimensions, needs mean_box = None
+    max_kl: largest KL(P_theta || P0), nats, by shortening the step (None: no limit)
+    stop_when_reached: leave the search as soon as gamma_k = gamma (False: all K iterations, as printed)
+    rel_error: relative half-width of the interval to stop at (None: use all estimation_rollouts)
+    confidence: of the interval, in (0, 1)
+    batch_size: estimation rollouts in a batch
     """
 
     iterations: int | None = None
@@ -79,11 +83,9 @@ class CrossEntropyOptions:
                 at_least(name, getattr(self, name), least)
         at_least("batch_size", self.batch_size, 1)
         in_range("rho", self.rho, 0, 1)
-        in_range("confidence", self.confidence, 0, 1)
+        precision_in_range(self.rel_error, self.confidence)
         if self.step != 1:
             in_range("step", self.step, 0, 1)
-        if self.rel_error is not None:
-            in_range("rel_error", self.rel_error, 0, math.inf)
         if self.max_kl is not None:
             in_range("max_kl", self.max_kl, 0, math.inf)
         if self.mean_box is not None:
@@ -143,7 +145,7 @@ class CrossEntropyOptions:
 
 
 @dataclass(frozen=True)
-class CrossEntropy(ImportanceSampling):
+class CrossEntropy(ImportanceSampling[CrossEntropyState]):
     """The algorithm: pure functions of a frozen state."""
 
     options: CrossEntropyOptions = CrossEntropyOptions()
@@ -153,10 +155,11 @@ class CrossEntropy(ImportanceSampling):
         object.__setattr__(self, "options", self.options.resolved())
 
     method = "ce"
-    state_kind = CrossEntropyState
+    state_type = CrossEntropyState
 
     @functools.cached_property
     def projection(self) -> Projection:
+        """The constrained family around the base."""
         o = self.options
         return Projection(self.base, o.beta_bounds, o.mean_box, o.learn_covariance)
 
@@ -181,10 +184,8 @@ class CrossEntropy(ImportanceSampling):
             best_quantile=math.inf,
             records=(),
             failed=(),
-            f=np.zeros(0),
-            log_weights=np.zeros(0),
             base_f=np.zeros(0),
-            look_at=0,
+            sample=NO_SAMPLE,
         )
 
     def propose(self, state: CrossEntropyState) -> Batch | None:
@@ -198,9 +199,7 @@ class CrossEntropy(ImportanceSampling):
     def update(
         self, state: CrossEntropyState, batch: Batch, f: ArrayLike
     ) -> tuple[CrossEntropyState, TrainingRecord | EstimationRecord]:
-        """The state after the batch was answered with f (n,), NaN = failed rollout, and a record of what
-        happened.
-        """
+        """The state after the batch was answered with f (n,), NaN = failed rollout, and what happened."""
         checked_turn(batch, state.seed, state.phase, state.iteration, self._rows(state)[0])
         values = checked_response(batch, f)
         if state.phase == "train":
@@ -214,16 +213,17 @@ class CrossEntropy(ImportanceSampling):
 
     # -- steps -----------------------------------------------------------------------------------------------
 
-    def _with(self, parameters) -> Product:
+    def _with(self, parameters: Array) -> Product:
         return self.base.with_parameters(parameters)
 
     def _rows(self, state: CrossEntropyState) -> tuple[int, int]:
         if state.phase != "estimate":
             return 0, self.options.sizes()[1]
-        return state.f.size, min(state.f.size + self.options.batch_size, state.look_at)
+        answered = state.sample.f.size
+        return answered, min(answered + self.options.batch_size, state.sample.interim_at)
 
     def _search_step(
-        self, state: CrossEntropyState, batch: Batch, f
+        self, state: CrossEntropyState, batch: Batch, f: Array
     ) -> tuple[CrossEntropyState, TrainingRecord]:
         o, current = self.options, self.proposal(state)
         ok = np.flatnonzero(~np.isnan(f))
@@ -262,8 +262,7 @@ class CrossEntropy(ImportanceSampling):
         k = state.iteration + 1
         iterations, _, estimation = o.sizes()
         over = k == iterations or (o.stop_when_reached and quantile <= self.gamma)
-        look_at = first_look(o.rel_error, estimation, o.batch_size)
-        failed = tuple((state.iteration, int(i)) for i in np.flatnonzero(np.isnan(f)))
+        interim_at = first_interim(o.rel_error, estimation, o.batch_size) if over else 0
         after = msgspec.structs.replace(
             state,
             phase="estimate" if over else "train",
@@ -272,16 +271,14 @@ class CrossEntropy(ImportanceSampling):
             best_parameters=best,
             best_quantile=best_quantile,
             records=(*state.records, record),
-            failed=state.failed + failed,
+            failed=state.failed + failed_rows(state.iteration, f),
             base_f=f if state.iteration == 0 else state.base_f,
-            look_at=look_at if over else 0,
+            sample=msgspec.structs.replace(state.sample, interim_at=interim_at),
         )
         return after, record
 
-    def _projected(self, current: Product, x, weights, step: float) -> tuple[np.ndarray, float]:
-        """The updated parameters and the step taken: shortened, by bisection, where max_kl would be
-        exceeded.
-        """
+    def _projected(self, current: Product, x: Array, weights: Array, step: float) -> tuple[Array, float]:
+        """The updated parameters and the step taken: shortened, by bisection, where max_kl would be exceeded."""
         theta = self.projection.update(current, x, weights, step)
         limit = self.options.max_kl
         if limit is None or self._with(theta).kl(self.base) <= limit:
@@ -302,13 +299,13 @@ class CrossEntropy(ImportanceSampling):
     def _sampled(self, state: CrossEntropyState) -> Product:
         return self._with(state.best_parameters)
 
-    def _search_conditions(self, state: CrossEntropyState) -> list[Condition]:
-        found: list[Condition] = []
+    def _search_warnings(self, state: CrossEntropyState) -> list[EstimateWarning]:
+        found: list[EstimateWarning] = []
         if state.phase == "train" or not state.records:
             return found
         if not state.best_quantile <= self.gamma:
             found.append(
-                Condition(
+                EstimateWarning(
                     "threshold-not-reached",
                     f"the lowest {self.options.rho:g}-quantile of f in the search was "
                     f"{state.best_quantile:.4g}, above "
@@ -316,7 +313,7 @@ class CrossEntropy(ImportanceSampling):
                     "more iterations, more samples an iteration, or wider constraints",
                 )
             )
-        starved = starved_condition(state.records)
+        starved = starved_warning(state.records)
         return [*found, starved] if starved else found
 
 

@@ -8,6 +8,7 @@ differs from the base; everything orthogonal to them stays as it is but for one 
 """
 
 import math
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
@@ -21,8 +22,15 @@ _U_KIND = 0x6D697874
 
 
 class Part(msgspec.Struct, frozen=True, eq=False):
-    """weight: c_s; basis: V (d, r), orthonormal; shares: pi (k,); means: (k, r); factors: lower Cholesky factors
-    of the covariances (k, r, r); scale: t."""
+    """A Gaussian mixture on a subspace.
+
+    weight: c_s, in the whole mixture
+    basis: V (d, r), orthonormal
+    shares: pi (k,), of the components, summing to one
+    means: (k, r)
+    factors: (k, r, r), lower Cholesky factors of the covariances
+    scale: t, standard deviation of what is orthogonal to the subspace
+    """
 
     weight: float
     basis: Array
@@ -33,13 +41,18 @@ class Part(msgspec.Struct, frozen=True, eq=False):
 
 
 class Mixture(msgspec.Struct, frozen=True, eq=False):
-    """base_share + the sum of the parts' weights = 1."""
+    """The base and parts beside it.
+
+    base_share: e, of the base; with the parts' weights it sums to one
+    parts: beside the base
+    """
 
     base_share: float
     parts: tuple[Part, ...]
 
 
 def only_base() -> Mixture:
+    """The base itself."""
     return Mixture(1.0, ())
 
 
@@ -79,7 +92,17 @@ def log_ratio(mixture: Mixture, u: Array) -> Array:
     return np.log(np.exp(terms, out=terms).sum(axis=0)) + top
 
 
-def nearest(mixture: Mixture, u: Array) -> NDArray[np.intp]:
+def mean_log_ratio(mixtures: Sequence[Mixture], u: Array) -> Array:
+    """log of the mean over the mixtures of q / phi, (n,), of u (n, d): less this is the log weight by the balance
+    heuristic (Veach and Guibas, SIGGRAPH 1995; Owen and Zhou, JASA 95, 2000)."""
+    total = np.zeros(u.shape[0])
+    for count, mixture in enumerate(mixtures):
+        ratio = log_ratio(mixture, u)
+        total = ratio if count == 0 else np.logaddexp(total, ratio)
+    return total - math.log(len(mixtures))
+
+
+def component_of(mixture: Mixture, u: Array) -> NDArray[np.intp]:
     """Which component of the mixture, the base the first of them, each u (n, d) most probably came from, (n,)."""
     return np.argmax(np.stack(_log_terms(mixture, u)), axis=0)
 
@@ -105,5 +128,5 @@ def _log_terms(mixture: Mixture, u: Array) -> list[Array]:
 
 def log_normal(y: Array, mean: Array, factor: Array) -> Array:
     """log N(y; mean, factor factor^T) + (r/2) log(2 pi), (n,), of y (n, r)."""
-    white = solve_triangular(factor, (y - mean).T, lower=True, check_finite=False)
-    return -0.5 * np.einsum("in,in->n", white, white) - float(np.sum(np.log(np.diagonal(factor))))
+    whitened = solve_triangular(factor, (y - mean).T, lower=True, check_finite=False)
+    return -0.5 * np.einsum("in,in->n", whitened, whitened) - float(np.sum(np.log(np.diagonal(factor))))

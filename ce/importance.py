@@ -1,88 +1,108 @@
 """What Algorithm 1 and mixture sampling share: after a search of any kind, a fresh sample of one proposal."""
 
 import math
-from typing import Any
+from collections.abc import Sequence
+from typing import TypeVar
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from ce.estimate_warnings import EstimateWarning
+from ce.estimator import Estimator
 from ce.naive import record_of
-from ce.posed import Posed
 from ce.product import Product
-from ce.results import SAMPLING_SHARE, Condition, Estimate, FailedRollout
-from ce.state import EstimationRecord
-from ce.stopping import counted, next_look, spending
+from ce.records import EstimationRecord, TrainingRecord
+from ce.results import SAMPLING_SHARE, Estimate, FailedRollout
+from ce.state import CrossEntropyState, MixtureState
+from ce.stopping import left_out, next_interim, spending
 
 Array = NDArray[np.float64]
+S = TypeVar("S", bound=CrossEntropyState | MixtureState)
 
 
-class ImportanceSampling(Posed):
-    """States have phase, records, failed, f, log_weights, base_f, look_at, trial and looks."""
+class ImportanceSampling(Estimator[S]):
+    """The estimate from the fresh sample; the searches derive from it."""
 
-    def _estimation_limit(self, state: Any) -> int:
+    def _estimation_limit(self, state: S) -> int:
         """Rollouts that the fresh sample may have."""
         raise NotImplementedError
 
-    def _sampled(self, state: Any) -> Product:
+    def _sampled(self, state: S) -> Product:
         """The proposal of the fresh sample, or the member of the family nearest to it."""
         raise NotImplementedError
 
-    def _search_conditions(self, state: Any) -> list[Condition]:
+    def _search_warnings(self, state: S) -> list[EstimateWarning]:
+        """What is to be said of the search."""
         raise NotImplementedError
 
-    def estimate(self, state: Any) -> Estimate:
+    def _mode_coverage(self, state: S) -> float:
+        """As `Estimate.mode_coverage`."""
+        return math.nan
+
+    def estimate(self, state: S) -> Estimate:
         """The estimate so far; p is NaN until estimation rollouts have been answered."""
+        sample = state.sample
         search = sum(record.rollouts for record in state.records)
-        first = counted(state.f.size, state.look_at, state.trial)
+        first = left_out(sample.f.size, sample.interim_at, sample.trial)
         failures = [FailedRollout("train", k, i) for k, i in state.failed]
-        failures += [FailedRollout("estimate", 0, int(i)) for i in np.flatnonzero(np.isnan(state.f))]
+        failures += [FailedRollout("estimate", 0, int(i)) for i in np.flatnonzero(np.isnan(sample.f))]
+        done = state.phase == "done"
         return Estimate(
             gamma=self.gamma,
             method=self.method,
             confidence=self.options.confidence,
-            rollouts=search + state.f.size,
+            rollouts=search + sample.f.size,
             training_rollouts=search + first,
-            f=state.f[first:],
-            log_weights=state.log_weights[first:],
+            f=sample.f[first:],
+            log_weights=sample.log_weights[first:],
             proposal=self._sampled(state),
-            finished=state.phase == "done",
+            finished=done,
             rel_error=self.options.rel_error,
             failed_rollouts=tuple(failures),
-            search_warnings=tuple(self._search_conditions(state)),
+            search_warnings=tuple(self._search_warnings(state)),
             base_f=state.base_f,
-            spending=spending(state.looks, state.phase == "done") if first else 1.0,
+            spending=spending(sample.interim_looks, done) if first else 1.0,
             sampling_share=SAMPLING_SHARE,
-            **self._extra(state),
+            mode_coverage=self._mode_coverage(state),
         )
 
-    def _extra(self, state: Any) -> dict[str, Any]:
-        return {}
-
-    def _estimation_step(self, state: Any, f: Array, log_w: Array) -> tuple[Any, EstimationRecord]:
+    def _estimation_step(self, state: S, f: Array, log_w: Array) -> tuple[S, EstimationRecord]:
         """The state after a batch of the fresh sample with log weights log_w (n,), and where the estimate stands."""
-        after = msgspec.structs.replace(
-            state, f=np.concatenate([state.f, f]), log_weights=np.concatenate([state.log_weights, log_w])
+        sample = msgspec.structs.replace(
+            state.sample,
+            f=np.concatenate([state.sample.f, f]),
+            log_weights=np.concatenate([state.sample.log_weights, log_w]),
         )
+        after = msgspec.structs.replace(state, sample=sample)
         est = self.estimate(after)
-        if after.f.size >= state.look_at:
-            plan = next_look(est, after.f.size, self._estimation_limit(state), state.trial, state.looks)
-            after = msgspec.structs.replace(
-                after,
-                look_at=plan.look_at,
-                trial=plan.trial,
-                looks=plan.looks,
-                phase="done" if plan.done else "estimate",
+        n = sample.f.size
+        if n >= sample.interim_at:
+            plan = next_interim(est, n, self._estimation_limit(state), sample.trial, sample.interim_looks)
+            sample = msgspec.structs.replace(
+                sample, interim_at=plan.interim_at, trial=plan.trial, interim_looks=plan.interim_looks
             )
+            phase = "done" if plan.done else "estimate"
+            after = msgspec.structs.replace(after, phase=phase, sample=sample)
         return after, record_of(est)
 
 
-def starved_condition(records: tuple[Any, ...]) -> Condition | None:
+def failed_rows(iteration: int, f: Array) -> tuple[tuple[int, int], ...]:
+    """(iteration, row) of each f (n,) that is NaN."""
+    return tuple((iteration, int(i)) for i in np.flatnonzero(np.isnan(f)))
+
+
+def of_fits(records: Sequence[TrainingRecord]) -> list[TrainingRecord]:
+    """The records of batches of the search itself, those of a mode search left out."""
+    return [r for r in records if "mode_search" not in r.summary]
+
+
+def starved_warning(records: Sequence[TrainingRecord]) -> EstimateWarning | None:
     """Where fewer than rho N values were finite in an iteration of a search."""
-    starved = [r.iteration for r in records if not r.quantile < math.inf and "look" not in r.summary]
+    starved = [r.iteration for r in of_fits(records) if not r.quantile < math.inf]
     if not starved:
         return None
-    return Condition(
+    return EstimateWarning(
         "quantile-infinite",
         f"in {len(starved)} iterations (first: {starved[0]}) fewer than rho N rollouts had a finite f: the search went "
         "by the few finite ones",

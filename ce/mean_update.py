@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ce.normal import Normal
-from ce.white import White
+from ce.standard_normal import StandardNormal
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -36,8 +36,8 @@ class BoxedMean:
     @functools.cached_property
     def _precision(self) -> Array:
         identity = np.eye(self._base.dim)
-        white = np.linalg.solve(self._base.factor, identity)
-        return white.T @ white
+        inverse = np.linalg.solve(self._base.factor, identity)
+        return inverse.T @ inverse
 
     @functools.cached_property
     def _programme(self) -> tuple["cp.Problem", "cp.Variable", "cp.Parameter", float]:
@@ -54,7 +54,7 @@ class BoxedMean:
         """The constrained mean (d,) for the unconstrained one, target (d,)."""
         base = self._base
         wanted = (target - base.mean) / self._box
-        if isinstance(base, White) or np.all(np.abs(wanted) <= 1.0):
+        if isinstance(base, StandardNormal) or np.all(np.abs(wanted) <= 1.0):
             return self._clipped(wanted)
         problem, s, linear, scale = self._programme
         linear.value = scale * (self._precision @ wanted)

@@ -18,15 +18,22 @@ from ce.subspace import find
 Array = NDArray[np.float64]
 
 _ITERATIONS = 20
-SETTLED = 0.2  # nats of the whole likelihood that another iteration must gain
-PATIENCE = 3  # numbers of components without a gain after which no larger one is tried
-MOST_SAMPLES = 1200  # that EM goes over, a random choice of them
+# Nats of the whole likelihood that another iteration must gain.
+LEAST_GAIN = 0.2
+# Numbers of components without a gain after which no larger one is tried.
+PATIENCE = 3
+# Samples that EM goes over, a random choice of them.
+MOST_SAMPLES = 1200
 _COUNTS = (1, 2, 3, 4, 6, 8, 12)
-FEW = 3  # dimensions
-ALIKE = 0.5  # cosine between the means of components that may sit in the same mode
-SURE = 0.8  # squared cosine of a regression with the line that it is about
+# Dimensions up to which states of chains are fitted as independent samples are.
+LOW_DIMENSION = 3
+# Cosine between the means of components that may sit in the same mode.
+SAME_MODE_COSINE = 0.5
+# Squared cosine of a regression with the line that it is about, above which a mean is aligned with it.
+ALIGNED_COSINE2 = 0.8
 FORMS = ("full", "diagonal", "spiked")
-WIDENING = 1.3  # factor on variances below the base's, at most up to it
+# Factor on variances below the base's, at most up to it.
+WIDENING = 1.3
 
 
 def fit(
@@ -34,13 +41,21 @@ def fit(
     w: Array,
     most_components: int,
     source: np.random.Generator,
-    hints: Sequence[Direction] = (),
-    worth: float = math.inf,
+    directions: Sequence[Direction] = (),
+    ess_limit: float = math.inf,
 ) -> Part:
-    """The part (weight 1) that fits samples u (n, d) with weights w (n,) that sum to one; the rest as in `find`."""
-    space = find(u, w, hints, worth)
+    """The part (weight 1) that fits weighted samples.
+
+    u: (n, d), the samples
+    w: (n,), their weights, which sum to one
+    most_components: of the fit
+    source: of random numbers
+    directions: to be kept, best first, each with every sample's influence on it
+    ess_limit: effective number of samples at most, where they depend on each other
+    """
+    space = find(u, w, directions, ess_limit)
     y, r = space.y, space.basis.shape[1]
-    ess = min(1.0 / float(np.sum(w * w)), worth)
+    ess = min(1.0 / float(np.sum(w * w)), ess_limit)
     if y.shape[0] > MOST_SAMPLES:
         some = source.permutation(y.shape[0])[:MOST_SAMPLES]
         y, w = y[some], w[some] / w[some].sum()
@@ -54,7 +69,7 @@ def fit(
         eligible = forms if k == 1 else tuple(form for form in forms if not _too_many(form, k, r, ess))
         if not eligible:
             break
-        seeds = _seeded(y, w, k, source)
+        seeds = _k_means(y, w, k, source)
         trials = {form: _em(y, w, seeds, ess, form) for form in eligible}
         chosen = max(trials, key=lambda form: trials[form][0])
         trial = trials[chosen]
@@ -73,18 +88,24 @@ def fit(
 
 
 def fit_clusters(
-    u: Array, chains: NDArray[np.intp], most_components: int, source: np.random.Generator, worth: float
+    u: Array, chains: NDArray[np.intp], most_components: int, source: np.random.Generator, ess_limit: float
 ) -> Part:
     """The part (weight 1) that fits states u (n, d) of several chains (n,), which may sit in different modes.
 
-    Above FEW dimensions the directions are those of the modes' means, which cost d numbers a mode, and covariances are
-    the base's but for the direction of the mean: so few independent states (`worth`) say no more. Modes are told apart
-    by the chains' mean directions (spherical k-means), their number by BIC.
+    Above LOW_DIMENSION dimensions the directions are those of the modes' means, which cost d numbers a mode, and
+    covariances are the base's but for the direction of the mean: so few independent states say no more. Modes are told
+    apart by the chains' mean directions (spherical k-means), their number by BIC.
+
+    u: (n, d), the states
+    chains: (n,), number of each one's chain
+    most_components: of the fit
+    source: of random numbers
+    ess_limit: number of independent states that they are worth
     """
     n, d = u.shape
     equal = np.full(n, 1.0 / n)
-    if d <= FEW:
-        return fit(u, equal, most_components, source, worth=worth)
+    if d <= LOW_DIMENSION:
+        return fit(u, equal, most_components, source, ess_limit=ess_limit)
     names, inverse = np.unique(chains, return_inverse=True)
     averages = np.stack([u[inverse == j].mean(axis=0) for j in range(names.size)])
     unit = averages / np.maximum(np.sqrt(np.sum(averages**2, axis=1, keepdims=True)), 1e-300)
@@ -92,21 +113,21 @@ def fit_clusters(
     for k in _COUNTS:
         if k > most_components or (k > 1 and names.size < 3 * k):
             break
-        label = (_seeded(unit, np.full(names.size, 1.0 / names.size), k, source)).argmax(axis=1)[inverse]
+        label = (_k_means(unit, np.full(names.size, 1.0 / names.size), k, source)).argmax(axis=1)[inverse]
         labels = [j for j in range(k) if np.any(label == j)]
         means = []
         for j in labels:
             mean = u[label == j].mean(axis=0)
-            noise = d / (worth * float(np.mean(label == j)))
+            noise = d / (ess_limit * float(np.mean(label == j)))
             means.append(mean * max(1.0 - noise / max(float(mean @ mean), 1e-300), 0.1))
         basis = np.linalg.qr(np.stack(means, axis=1))[0]
         y = u @ basis
         for j, mean in zip(labels, means, strict=True):  # as far from the base as the shrunken mean
             y[label == j] += mean @ basis - y[label == j].mean(axis=0)
-        score, shares, centres, covariances = _em(y, equal, np.eye(k)[:, labels][label], worth, "spiked")
+        score, shares, centres, covariances = _em(y, equal, np.eye(k)[:, labels][label], ess_limit, "spiked")
         # Against the base, so that bases of different size compare; a direction costs d numbers.
-        score += worth * 0.5 * float(np.mean(np.sum(y * y, axis=1))) - 0.5 * d * len(labels) * math.log(
-            max(worth, 2.0)
+        score += ess_limit * 0.5 * float(np.mean(np.sum(y * y, axis=1))) - 0.5 * d * len(labels) * math.log(
+            max(ess_limit, 2.0)
         )
         if best is None or score > best[0]:
             factors = np.stack([np.linalg.cholesky(_widened(c)) for c in covariances])
@@ -115,19 +136,21 @@ def fit_clusters(
     return best[1]
 
 
-def straightened(part: Part, label: NDArray[np.intp], u: Array, f: Array) -> Part:
+def aligned(part: Part, label: NDArray[np.intp], u: Array, f: Array) -> Part:
     """The part with each mean brought back to the line along which f falls, where a regression on rows u (n, d) with
     values f (n,) around it is sure of that line: the rest of a mean over few chains is noise, which costs weights.
-    label: the component that each row is nearest to, -1 for none of this part (n,)."""
+
+    label: (n,), the component that each row is nearest to, -1 for none of this part
+    """
     means = part.means @ part.basis.T
     unit = means / np.maximum(np.sqrt(np.sum(means**2, axis=1, keepdims=True)), 1e-300)
-    alike = unit @ unit.T > ALIKE
+    same_mode = unit @ unit.T > SAME_MODE_COSINE
     moved = means.copy()
     for j, mean in enumerate(means):
-        around = (np.flatnonzero(label == j), np.flatnonzero((label >= 0) & alike[j][label]))
+        around = (np.flatnonzero(label == j), np.flatnonzero((label >= 0) & same_mode[j][label]))
         lines = [downhill(u[rows], f[rows], np.zeros(0, dtype=np.intp)) for rows in around]
         line = max(filter(None, lines), key=lambda found: found.cosine2, default=None)
-        if line is not None and line.cosine2 > SURE:
+        if line is not None and line.cosine2 > ALIGNED_COSINE2:
             moved[j] = max(float(mean @ line.vector), 0.0) * line.vector
     if np.array_equal(moved, means):
         return part
@@ -142,7 +165,7 @@ def _widened(covariance: Array) -> Array:
     return (vectors * values) @ vectors.T
 
 
-def _seeded(y: Array, w: Array, k: int, source: np.random.Generator) -> Array:
+def _k_means(y: Array, w: Array, k: int, source: np.random.Generator) -> Array:
     """Responsibilities (n, k), one-hot, of the best of three k-means++ runs."""
     n = y.shape[0]
     best, best_inertia = np.ones((n, 1)), math.inf
@@ -219,15 +242,15 @@ def _em(
         inverses = np.linalg.inv(factors)
         logs = np.empty((k, y.shape[0]))
         for j in range(k):
-            white = inverses[j] @ columns - (inverses[j] @ means[j])[:, None]
-            np.einsum("in,in->n", white, white, out=logs[j])
+            whitened = inverses[j] @ columns - (inverses[j] @ means[j])[:, None]
+            np.einsum("in,in->n", whitened, whitened, out=logs[j])
         logs *= -0.5
         logs += (np.log(shares) - np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1))[:, None]
         top = logs.max(axis=0)
         np.exp(logs - top, out=logs)
         density = logs.sum(axis=0)
         likelihood = float(w @ (np.log(density) + top))
-        if k == 1 or likelihood - previous < max(1e-4, SETTLED / ess):
+        if k == 1 or likelihood - previous < max(1e-4, LEAST_GAIN / ess):
             break
         previous = likelihood
         share_of = logs / density

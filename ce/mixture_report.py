@@ -6,32 +6,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ce import beta_update
+from ce.estimate_warnings import ENOUGH_EVENTS, EstimateWarning
 from ce.gaussian_mixture import Mixture, Part
-from ce.importance import starved_condition
+from ce.importance import of_fits, starved_warning
 from ce.product import Product
-from ce.results import ENOUGH_EVENTS, Condition
+from ce.records import TrainingRecord
 from ce.standard import from_standard
-from ce.state import MixtureState, TrainingRecord
+from ce.state import MixtureState
 from ce.weights import effective_sample_size
 
 Array = NDArray[np.float64]
 
 LEAST_ELITES = 100
-LEAST_WORTH = 50  # of the last elites, in effective events
-LEAST_COVERAGE = 0.95  # of the look's states, below which a warning says so
+# Effective number of the last elites, at least.
+LEAST_ESS = 50
+# Of the mode search's states, below which a warning says so.
+LEAST_COVERAGE = 0.95
 
 
 def record_of_search(
     gamma: float,
-    state: MixtureState,
+    iteration: int,
     f: Array,
     level: float,
     quantile: float,
     kl: float,
     summary: dict[str, float],
 ) -> TrainingRecord:
+    """The record of a batch with values f (n,), its elites not weighed yet; gamma_k: `level`."""
     return TrainingRecord(
-        iteration=state.iteration,
+        iteration=iteration,
         rollouts=f.size,
         gamma_k=level,
         quantile=quantile,
@@ -47,8 +51,9 @@ def record_of_search(
     )
 
 
-def described(base: Product, u: Array, weights: Array, part: Part) -> Array:
-    """Parameters of the base's family nearest to the elites: Betas fitted to them, means as the part has them."""
+def nearest_parameters(base: Product, u: Array, weights: Array, part: Part) -> Array:
+    """Parameters (s,) of the member of the base's family nearest to the elites u (n, d) with weights (n,): Betas fitted
+    to them, means as the part has them."""
     own = np.stack([base.betas.alpha, base.betas.beta])
     betas = own
     if base.beta_columns.size:
@@ -77,39 +82,43 @@ def summary_of(mixture: Mixture) -> dict[str, float]:
     }
 
 
-def search_conditions(state: MixtureState, gamma: float, rho: float, iteration_size: int) -> list[Condition]:
-    found: list[Condition] = []
-    if state.phase in ("train", "look") or not state.records:
+def search_warnings(
+    state: MixtureState, gamma: float, rho: float, iteration_size: int
+) -> list[EstimateWarning]:
+    """What is to be said of a search that is over."""
+    found: list[EstimateWarning] = []
+    if state.phase in ("train", "mode-search") or not state.records:
         return found
-    if state.reached_at < 0 and effective_sample_size(state.log_weights[state.f <= gamma]) < ENOUGH_EVENTS:
+    events = state.sample.log_weights[state.sample.f <= gamma]
+    if state.search.reached_at < 0 and effective_sample_size(events) < ENOUGH_EVENTS:
         found.append(
-            Condition(
+            EstimateWarning(
                 "threshold-not-reached",
                 f"the lowest {rho:g}-quantile of f in the search was "
-                f"{state.least_quantile:.4g}, above gamma = {gamma:g}: the proposal makes the event rarer "
+                f"{state.search.least_quantile:.4g}, above gamma = {gamma:g}: the proposal makes the event rarer "
                 "than rho",
                 "give a larger budget, or use method splitting",
             )
         )
-    if state.coverage < LEAST_COVERAGE:
+    if state.mode_coverage < LEAST_COVERAGE:
         found.append(
-            Condition(
+            EstimateWarning(
                 "modes-not-covered",
-                f"a look apart from the search met parts of the event, {1.0 - state.coverage:.0%} of what it saw, "
+                f"the mode search met parts of the event, {1.0 - state.mode_coverage:.0%} of what it saw, "
                 "that the proposal hardly samples: p may be too low by what they carry",
                 "give a larger budget, and compare with method splitting",
             )
         )
     elites = math.ceil(rho * iteration_size)
-    worth = [r.ess for r in state.records if "look" not in r.summary][-1]
-    if elites < LEAST_ELITES or worth < LEAST_WORTH:
+    ess = of_fits(state.records)[-1].ess
+    if elites < LEAST_ELITES or ess < LEAST_ESS:
         found.append(
-            Condition(
+            EstimateWarning(
                 "small-search",
-                f"the search fits {elites} elites an iteration, at the end worth {worth:.0f} of equal weight "
-                f"({LEAST_ELITES} and {LEAST_WORTH} needed): a part of the event may have been missed without a sign",
+                f"the search fits {elites} elites an iteration, at the end worth {ess:.0f} of equal weight "
+                f"({LEAST_ELITES} and {LEAST_ESS} needed): a part of the event may have been missed without a sign",
                 "give a larger budget (or samples_per_iteration), or compare with method splitting",
             )
         )
-    starved = starved_condition(state.records)
+    starved = starved_warning(state.records)
     return [*found, starved] if starved else found

@@ -3,20 +3,20 @@
 p = (1/n) sum 1{f(X_i) <= gamma}, X_i iid from P0 (paper, section 2).
 """
 
-import math
 from dataclasses import dataclass
 
 import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ce.checks import at_least, checked_response, checked_turn, in_range
+from ce.checks import at_least, checked_response, checked_turn, precision_in_range
 from ce.errors import BudgetError
-from ce.posed import Posed
+from ce.estimator import Estimator
 from ce.product import Product
+from ce.records import Batch, EstimationRecord
 from ce.results import Estimate, FailedRollout
-from ce.state import Batch, EstimationRecord, NaiveState
-from ce.stopping import counted, first_look, next_look, spending
+from ce.state import NaiveState
+from ce.stopping import first_interim, left_out, next_interim, spending
 from ce.streams import checked_seed, draw
 
 LEAST_BUDGET = 1
@@ -24,8 +24,13 @@ LEAST_BUDGET = 1
 
 @dataclass(frozen=True)
 class NaiveOptions:
-    """budget: rollouts at most; rel_error: relative half-width to stop at (None: spend the budget);
-    confidence: of the interval; batch_size: rollouts in a batch."""
+    """Options of naive Monte Carlo.
+
+    budget: rollouts at most
+    rel_error: relative half-width of the interval to stop at (None: spend the budget)
+    confidence: of the interval, in (0, 1)
+    batch_size: rollouts in a batch
+    """
 
     budget: int = 100_000
     rel_error: float | None = None
@@ -37,9 +42,7 @@ class NaiveOptions:
             raise BudgetError(f"budget must be at least {LEAST_BUDGET} rollout, not {self.budget}")
         at_least("budget", self.budget, LEAST_BUDGET)
         at_least("batch_size", self.batch_size, 1)
-        in_range("confidence", self.confidence, 0, 1)
-        if self.rel_error is not None:
-            in_range("rel_error", self.rel_error, 0, math.inf)
+        precision_in_range(self.rel_error, self.confidence)
 
     def held_rows(self, dim: int) -> int:
         """Rows of `dim` numbers that a state and its open batch hold together at most."""
@@ -47,13 +50,13 @@ class NaiveOptions:
 
 
 @dataclass(frozen=True)
-class Naive(Posed):
+class Naive(Estimator[NaiveState]):
     """The algorithm: pure functions of a frozen state."""
 
     options: NaiveOptions = NaiveOptions()
 
     method = "naive"
-    state_kind = NaiveState
+    state_type = NaiveState
 
     @property
     def total_rollouts(self) -> int:
@@ -63,15 +66,15 @@ class Naive(Posed):
     def init(self, seed: int = 0) -> NaiveState:
         """The state before any rollout."""
         o = self.options
-        look_at = first_look(o.rel_error, o.budget, o.batch_size)
-        return NaiveState(self.digest, checked_seed(seed), np.zeros(0), look_at, False)
+        interim_at = first_interim(o.rel_error, o.budget, o.batch_size)
+        return NaiveState(self.digest, checked_seed(seed), np.zeros(0), interim_at, False)
 
     def propose(self, state: NaiveState) -> Batch | None:
         """The next batch, None when finished."""
         if state.done:
             return None
         start = state.f.size
-        stop = min(start + self.options.batch_size, state.look_at)
+        stop = min(start + self.options.batch_size, state.interim_at)
         x, noise = draw(self.base, state.seed, "estimate", 0, start, stop)
         return Batch("estimate", 0, x, noise, self.base.parameters(), state.seed, start, stop)
 
@@ -81,16 +84,20 @@ class Naive(Posed):
         joined = np.concatenate([state.f, checked_response(batch, f)])
         after = msgspec.structs.replace(state, f=joined)
         est = self.estimate(after)
-        if joined.size >= state.look_at:
-            plan = next_look(est, joined.size, self.options.budget, state.trial, state.looks)
+        if joined.size >= state.interim_at:
+            plan = next_interim(est, joined.size, self.options.budget, state.trial, state.interim_looks)
             after = msgspec.structs.replace(
-                after, look_at=plan.look_at, trial=plan.trial, looks=plan.looks, done=plan.done
+                after,
+                interim_at=plan.interim_at,
+                trial=plan.trial,
+                interim_looks=plan.interim_looks,
+                done=plan.done,
             )
         return after, record_of(est)
 
     def estimate(self, state: NaiveState) -> Estimate:
         """The estimate so far; p is NaN before the first batch."""
-        first = counted(state.f.size, state.look_at, state.trial)
+        first = left_out(state.f.size, state.interim_at, state.trial)
         return Estimate(
             gamma=self.gamma,
             method="naive",
@@ -106,7 +113,7 @@ class Naive(Posed):
             failed_rollouts=tuple(
                 FailedRollout("estimate", 0, int(i)) for i in np.flatnonzero(np.isnan(state.f))
             ),
-            spending=spending(state.looks, state.done) if first else 1.0,
+            spending=spending(state.interim_looks, state.done) if first else 1.0,
         )
 
     def proposal(self, state: NaiveState) -> Product:
@@ -118,14 +125,14 @@ def record_of(est: Estimate) -> EstimationRecord:
     """Where an estimate stands, as a flat record."""
     low, high = est.ci
     return EstimationRecord(
-        0,
-        est.estimation_rollouts,
-        est.p,
-        est.std_error,
-        low,
-        high,
-        est.ess,
-        est.max_weight_share,
-        est.events,
-        int(np.count_nonzero(np.isnan(est.f))),
+        iteration=0,
+        rollouts=est.estimation_rollouts,
+        p=est.p,
+        std_error=est.std_error,
+        low=low,
+        high=high,
+        ess=est.ess,
+        max_weight_share=est.max_weight_share,
+        events=est.events,
+        failed=int(np.count_nonzero(np.isnan(est.f))),
     )

@@ -14,32 +14,37 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 Array = NDArray[np.float64]
 
-LARGEST = 1000  # dimensions; above, the regression would cost more than it gains
-SPARE = 1.3  # rows a dimension at least
-LEAST_COSINE2 = (
-    0.4  # squared cosine between the direction found and the true one, estimated, below which it is dropped
-)
+# Dimensions, above which the regression would cost more than it gains.
+LARGEST = 1000
+# Rows a dimension, at least.
+ROWS_A_DIMENSION = 1.3
+# Squared cosine between the direction found and the true one, estimated, below which it is dropped.
+LEAST_COSINE2 = 0.4
 
 
 @dataclass(frozen=True)
 class Direction:
-    """vector: (d,), unit length, downhill; own: (n,) what each row's own residual adds to its projection, 0 where that
-    was not asked for; cosine2: estimated squared cosine with the true direction."""
+    """A direction in which f falls.
+
+    vector: (d,), of unit length, downhill
+    influence: (n,), what each row's own residual adds to its projection, 0 where that was not asked for
+    cosine2: estimated squared cosine with the true direction, in [0, 1]
+    """
 
     vector: Array
-    own: Array
+    influence: Array
     cosine2: float
 
 
-def downhill(u: Array, f: Array, asked: NDArray[np.intp] | None = None) -> Direction | None:
+def downhill(u: Array, f: Array, influence_of: NDArray[np.intp] | None = None) -> Direction | None:
     """The direction for rows u (n, d) with values f (n,), which may hold NaN and infinities; None for none found.
 
-    asked: the rows whose `own` is wanted (None: all of them), which is most of the work.
+    influence_of: the rows whose influence is wanted (None: all of them), which is most of the work
     """
     n, d = u.shape
     rows = np.flatnonzero(np.isfinite(f))
     m = rows.size
-    if d > LARGEST or m < SPARE * d + 30 or np.ptp(f[rows]) == 0.0:
+    if d > LARGEST or m < ROWS_A_DIMENSION * d + 30 or np.ptp(f[rows]) == 0.0:
         return None
     x, y = u[rows], f[rows]
     x = x - x.mean(axis=0)
@@ -68,9 +73,9 @@ def downhill(u: Array, f: Array, asked: NDArray[np.intp] | None = None) -> Direc
     length = float(np.sqrt(slope @ slope))
     if not length > 0.0:
         return None
-    own = np.zeros(n)
-    some = np.arange(m) if asked is None else np.flatnonzero(np.isin(rows, asked))
+    influence = np.zeros(n)
+    some = np.arange(m) if influence_of is None else np.flatnonzero(np.isin(rows, influence_of))
     half = solve_triangular(factor[0], x[some].T, lower=True, check_finite=False)
     leverage = np.einsum("in,in->n", half, half) + 1.0 / m
-    own[rows[some]] = -(leverage * residual[some] / np.maximum(1.0 - leverage, 1e-3)) / length
-    return Direction(-slope / length, own, cosine2)
+    influence[rows[some]] = -(leverage * residual[some] / np.maximum(1.0 - leverage, 1e-3)) / length
+    return Direction(-slope / length, influence, cosine2)

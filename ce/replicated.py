@@ -8,24 +8,30 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtri, stdtrit
 
+from ce.estimate_warnings import FEW_EVENTS, EstimateWarning
 from ce.interval import clopper_pearson
-from ce.results import FEW_EVENTS, Condition, Curve, Estimate, Trace
+from ce.results import Curve, Estimate, Trace
 
 Array = NDArray[np.float64]
 
-DOMINANT_REPLICATION = 0.4  # share of one replication in p above which it is said so
+# Share of one replication in p above which it is said so.
+DOMINANT_REPLICATION = 0.4
 
 
 @dataclass(frozen=True)
 class ReplicatedEstimate(Estimate):
-    """p is the mean over R replications; each is a set of weighted values of f whose weights sum to one.
+    """An estimate whose p is the mean over R replications, each a set of weighted values of f; otherwise as `Estimate`.
 
-    f, log_weights, replication: (n,) value, log weight and replication of each; levels: (L,) fixed thresholds, falling.
-    std_error: of the mean of R independent values, but not below what the spread of each level's own probability over
-    the replications adds up to: a few skewed values often look more alike than they are, their factors less so. ci:
-    Student's t on R - 1 degrees of freedom on the logarithm of p (delta method), because replications are skewed;
-    without events, from 0 to what the last level reached leaves open. ess: (p / std_error)^2, the number of events that
-    naive Monte Carlo would need for this precision. max_weight_share: the largest replication's share of p.
+    std_error is that of the mean of R independent values, but not below what the spread of each level's own probability
+    over the replications adds up to: a few skewed values often look more alike than they are, their factors less so. ci
+    is Student's t on R - 1 degrees of freedom on the logarithm of p (delta method), because replications are skewed;
+    without events, from 0 to what the last level reached leaves open. ess is (p / std_error)^2, the number of events
+    that naive Monte Carlo would need for this precision; max_weight_share the largest replication's share of p.
+
+    f: (n,), values
+    log_weights: (n,), their log weights; the weights of a replication sum to one
+    replication: (n,) int64, the number of each one's replication
+    levels: (L,), fixed thresholds, falling, in the unit of f
     """
 
     replication: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64), repr=False)
@@ -45,11 +51,12 @@ class ReplicatedEstimate(Estimate):
 
     @functools.cached_property
     def max_weight_share(self) -> float:
+        """The largest replication's share of p, 0 without events."""
         values = self._values(np.array([self.gamma]))[0][:, 0]
         return float(values.max() / values.sum()) if values.size and values.sum() > 0 else 0.0
 
     @property
-    def _least_ess(self) -> float:
+    def _ess_limit(self) -> float:
         """Lower 95% limit of `ess`, by the chi-squared distribution of a variance of R values."""
         runs = self._replications
         return self.ess * float(chdtri(runs - 1, 0.95)) / (runs - 1) if runs > 1 else 0.0
@@ -61,16 +68,16 @@ class ReplicatedEstimate(Estimate):
         return 0.5 * (high - low) / self.p if self.p > 0 else math.inf
 
     @functools.cached_property
-    def warnings(self) -> tuple[Condition, ...]:
+    def warnings(self) -> tuple[EstimateWarning, ...]:
         """As of any estimate, but that one replication may carry more than one rollout may."""
         usual = tuple(w for w in super().warnings if w.name != "dominant-weight")
-        if self.ess >= FEW_EVENTS > self._least_ess and self.events:
+        if self.ess >= FEW_EVENTS > self._ess_limit and self.events:
             usual = (
                 *usual,
-                Condition(
+                EstimateWarning(
                     "few-events",
                     f"worth {self.ess:.0f} events by the spread of {self._replications} replications, which may be as "
-                    f"few as {self._least_ess:.0f} (fewer than {FEW_EVENTS:g}): the standard error is itself uncertain",
+                    f"few as {self._ess_limit:.0f} (fewer than {FEW_EVENTS:g}): the standard error is itself uncertain",
                     "a larger budget; rely on the interval rather than on p +- std_error",
                 ),
             )
@@ -78,7 +85,7 @@ class ReplicatedEstimate(Estimate):
             return usual
         return (
             *usual,
-            Condition(
+            EstimateWarning(
                 "dominant-weight",
                 f"one of {self._replications} replications carries {self.max_weight_share:.0%} of the estimate: the "
                 "chains do not reach all of the event, or there are too few of them",
@@ -98,7 +105,7 @@ class ReplicatedEstimate(Estimate):
         values, counts = self._values(gammas)
         p = np.minimum(values.mean(axis=0), 1.0)
         std_error = values.std(axis=0, ddof=1) / math.sqrt(runs)
-        t = float(stdtrit(runs - 1, 0.5 + 0.5 * self._sure))
+        t = float(stdtrit(runs - 1, 0.5 + 0.5 * self._interval_confidence))
         some = p > 0
         relative = np.where(some, std_error / np.where(some, p, 1.0), 0.0)
         relative = np.where(some, np.maximum(relative, self._relative_floor(gammas)), 0.0)
@@ -131,7 +138,7 @@ class ReplicatedEstimate(Estimate):
         weights = self._weights
         last = weights == weights.min()
         independent = max(int(np.count_nonzero(last)) // 10, 1)
-        _, high = clopper_pearson(0, independent, self._sure)
+        _, high = clopper_pearson(0, independent, self._interval_confidence)
         return float(min(1.0, high * weights[last].sum() / self._replications * 2.0))
 
     def trace(self, points: int = 100) -> Trace:

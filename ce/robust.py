@@ -9,9 +9,10 @@ from scipy.optimize import brentq
 from scipy.special import ndtri, xlogy
 
 from ce.errors import FamilyError, OptionsError, ResponseError
+from ce.estimate_warnings import DOMINANT_SHARE, FEW_EVENTS, HEAVY_TAIL
 from ce.product import Product
 from ce.replicated import ReplicatedEstimate
-from ce.results import DOMINANT_SHARE, FEW_EVENTS, HEAVY_TAIL, Estimate
+from ce.results import Estimate
 
 Array = NDArray[np.float64]
 

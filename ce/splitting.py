@@ -2,102 +2,52 @@
 
 p = prod_l P(f <= b_{l+1} | f <= b_l),  inf = b_0 > b_1 > ... > b_L = gamma.
 
-A pilot, one adaptive run (Au and Beck, Probabilistic Engineering Mechanics 16, 2001), fixes the levels b_l at its
-p0-quantiles and the moves' step sizes (aCS of Papaioannou, Betz, Zwirglmaier and Straub, Prob. Eng. Mech. 41, 2015:
-per coordinate in proportion to the spread of the seeds). Then `replications` independent runs with those levels and
-steps, none of which adapts anything: each is unbiased for p (Del Moral, Feynman-Kac Formulae, 2004, section 7.4),
-so their mean is, and their spread is an honest standard error whatever the chains' correlation.
+A pilot, one adaptive run (`ce.splitting_pilot`), fixes the levels b_l and the moves' step sizes. Then `replications`
+independent runs with those levels and steps (`ce.splitting_replications`), none of which adapts anything: each is
+unbiased for p, so their mean is, and their spread is an honest standard error whatever the chains' correlation.
 
-In a run, level l holds N samples. Those with f <= b_{l+1} are survivors; N / chain of them are chosen by systematic
-resampling and each grows a Markov chain of `chain` states: u' = sqrt(1 - s^2) u + s z, coordinatewise, kept where
-f(u') <= b_{l+1}. A rollout's own noise is part of its state: a move keeps its seed or draws a fresh one, by turns
-of a coin.
+In a run, level l holds N samples. Those with f <= b_{l+1} are survivors; N / chain of them are chosen as seeds and each
+grows a Markov chain of `chain` states (`ce.chains`) within f <= b_{l+1}.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ce.checks import at_least, checked_response, checked_turn, in_range
-from ce.errors import BudgetError
+from ce import splitting_pilot, splitting_replications
+from ce.chains import Chains
+from ce.checks import checked_response, checked_turn
+from ce.estimate_warnings import EstimateWarning
+from ce.estimator import Estimator
 from ce.naive import record_of
-from ce.posed import Posed
 from ce.product import Product
+from ce.records import Batch, EstimationRecord, TrainingRecord
 from ce.replicated import ReplicatedEstimate
-from ce.results import SAMPLING_SHARE, Condition, FailedRollout
+from ce.results import SAMPLING_SHARE, FailedRollout
+from ce.splitting_options import LEAST_BUDGET, SplittingOptions
 from ce.standard import from_standard
-from ce.state import Batch, EstimationRecord, SplittingState, TrainingRecord
+from ce.state import LevelState, SplittingState
 from ce.streams import checked_seed, generator
 from ce.weights import order_statistic
 
+__all__ = ["LEAST_BUDGET", "Splitting", "SplittingOptions"]
+
 Array = NDArray[np.float64]
 
-LEAST_BUDGET = 1000
-LARGEST_PILOT = 5000  # samples of a level in the pilot
-LARGEST_RUN = 10_000  # samples of a level in a replication, above which there are more replications instead
-TOGETHER = 20_000  # samples of a level that are held at a time: as many replications side by side
-ACCEPTANCE = 0.44  # aimed at by the pilot
 _MOVE_KIND = 0x73706C69
 
 
 @dataclass(frozen=True)
-class SplittingOptions:
-    """Options of multilevel splitting.
-
-    budget: rollouts at most, pilot included; p0: conditional probability of a level; chain: states of a chain,
-    its seed included; replications: independent runs; pilot_share: of the budget, for the pilot at most;
-    rel_error: relative half-width to stop at, looked at after half of the replications and after all; each of the two
-    looks has half of 1 - confidence (union bound), so that the interval holds whichever of them ends the run.
-    """
-
-    budget: int = 100_000
-    p0: float = 0.1
-    chain: int = 10
-    replications: int = 10
-    pilot_share: float = 0.4
-    rel_error: float | None = None
-    confidence: float = 0.95
-
-    def __post_init__(self) -> None:
-        at_least("budget", self.budget, 1)
-        if self.budget < LEAST_BUDGET:
-            raise BudgetError(
-                f"method splitting needs a budget of at least {LEAST_BUDGET}, not {self.budget}"
-            )
-        at_least("chain", self.chain, 2)
-        at_least("replications", self.replications, 5)
-        in_range("p0", self.p0, 0, 1)
-        in_range("pilot_share", self.pilot_share, 0, 1)
-        in_range("confidence", self.confidence, 0, 1)
-        if self.rel_error is not None:
-            in_range("rel_error", self.rel_error, 0, math.inf)
-
-    @property
-    def pilot_size(self) -> int:
-        """Samples of a level in the pilot: a multiple of chain."""
-        return min(max(self.budget // 50 // self.chain, 10), LARGEST_PILOT // self.chain) * self.chain
-
-    def held_rows(self, dim: int) -> int:
-        """Rows of `dim` numbers that a state and its open batch hold together at most."""
-        return 2 * min(max(TOGETHER, self.pilot_size), self.budget)
-
-    @property
-    def looks(self) -> int:
-        """At the precision: after half of the replications and after all, or after all only."""
-        return 1 if self.rel_error is None else 2
-
-
-@dataclass(frozen=True)
-class Splitting(Posed):
+class Splitting(Estimator[SplittingState]):
     """The algorithm: pure functions of a frozen state."""
 
-    options: SplittingOptions = SplittingOptions()
+    options: SplittingOptions = field(default_factory=SplittingOptions)
 
     method = "splitting"
-    state_kind = SplittingState
+    state_type = SplittingState
 
     @property
     def total_rollouts(self) -> int:
@@ -106,57 +56,33 @@ class Splitting(Posed):
 
     def init(self, seed: int = 0) -> SplittingState:
         """The state before any rollout."""
-        d = self.base.dim
-        nothing = np.zeros(0)
         return SplittingState(
             digest=self.digest,
             seed=checked_seed(seed),
             phase="pilot",
             batches=0,
             rollouts=0,
-            training_rollouts=0,
-            size=self.options.pilot_size,
-            replications=self.options.replications,
-            side_by_side=1,
-            group=0,
-            level=0,
-            position=0,
-            levels=nothing,
-            steps=np.zeros((0, d)),
-            step=0.6,
-            chain_u=np.zeros((0, d)),
-            chain_f=nothing,
-            chain_noise=np.zeros(0, dtype=np.uint64),
-            chain_run=np.zeros(0, dtype=np.int64),
-            pool_u=np.zeros((0, d)),
-            pool_f=nothing,
-            pool_noise=np.zeros(0, dtype=np.uint64),
-            pool_run=np.zeros(0, dtype=np.int64),
-            run_log_p=np.zeros(1),
-            accepted=0.0,
-            f=nothing,
-            log_weights=nothing,
-            replication=np.zeros(0, dtype=np.int64),
-            base_f=nothing,
+            level=self._level_0(),
+            pilot=splitting_pilot.initial_pilot(self.options.pilot_size, self.base.dim),
+            replications=splitting_replications.no_replications(),
             failed=(),
-            reached=False,
         )
 
     def propose(self, state: SplittingState) -> Batch | None:
         """The next batch: a level-0 sample, or one move of every chain. None when finished."""
         if state.phase == "done":
             return None
-        u, noise, _ = self._moved(state)
+        u, noise, _ = self._proposed(state)
         x = from_standard(self.base, u)
         return Batch(
-            "train",
-            state.batches,
-            x,
-            noise,
-            self.base.parameters(),
-            state.seed,
-            0,
-            x.shape[0],
+            phase="train",
+            iteration=state.batches,
+            x=x,
+            noise=noise,
+            parameters=self.base.parameters(),
+            seed=state.seed,
+            start=0,
+            stop=x.shape[0],
             explicit=True,
         )
 
@@ -166,61 +92,38 @@ class Splitting(Posed):
         """The state after the batch was answered with f (n,), NaN = failed rollout, and what happened."""
         checked_turn(batch, state.seed, "train", state.batches, 0)
         values = checked_response(batch, f)
-        u, noise, stepped = self._moved(state)
-        failed = state.failed + tuple((state.batches, int(i)) for i in np.flatnonzero(np.isnan(values)))
-        if state.position == 0 and state.level == 0:
-            runs = np.repeat(np.arange(self._runs(state)), state.size)
-            after = msgspec.structs.replace(
-                state, chain_u=u, chain_f=values, chain_noise=noise, chain_run=runs, accepted=1.0
-            )
-            if state.phase == "pilot":
-                after = msgspec.structs.replace(after, base_f=values)
-        else:
-            bound = state.levels[state.level - 1]
-            taken = values <= bound
-            after = msgspec.structs.replace(
-                state,
-                chain_u=np.where(taken[:, None], u, state.chain_u),
-                chain_f=np.where(taken, values, state.chain_f),
-                chain_noise=np.where(taken, noise, state.chain_noise),
-                accepted=state.accepted + float(np.mean(taken)) / (self.options.chain - 1),
-            )
-            if state.phase == "pilot":
-                gain = 2.0 / math.sqrt(state.position)
-                step = state.step * math.exp(gain * (float(np.mean(taken)) - ACCEPTANCE))
-                after = msgspec.structs.replace(after, step=min(max(step, 1e-3), 3.0))
-        after = msgspec.structs.replace(
-            after,
-            batches=state.batches + 1,
-            rollouts=state.rollouts + values.size,
-            training_rollouts=state.training_rollouts + (values.size if state.phase == "pilot" else 0),
-            position=state.position + 1,
-            failed=failed,
+        u, noise, steps = self._proposed(state)
+        after = self._counted(state, values)
+        after = (
+            self._begun(after, u, values, noise)
+            if self._begins(state)
+            else self._moved(after, u, values, noise)
         )
         after = self._kept(after)
-        if state.level == 0 or after.position == self.options.chain:
-            after = self._next_level(after)
-        return after, self._record(state, after, values, stepped)
+        if after.level.number == 0 or after.level.chain_length == self.options.chain:
+            after = self._after_pilot_level(after) if after.phase == "pilot" else self._after_level(after)
+        return after, self._record(state, after, values, steps)
 
     def estimate(self, state: SplittingState) -> ReplicatedEstimate:
         """The estimate so far, from the levels completed by the replications; p is NaN during the pilot."""
+        made = state.replications
         return ReplicatedEstimate(
             gamma=self.gamma,
             method=self.method,
             confidence=self.options.confidence,
             rollouts=state.rollouts,
-            training_rollouts=state.training_rollouts,
-            f=state.f,
-            log_weights=state.log_weights,
+            training_rollouts=state.pilot.rollouts,
+            f=made.f,
+            log_weights=made.log_weights,
             proposal=self.base,
             finished=state.phase == "done",
             rel_error=self.options.rel_error,
             failed_rollouts=tuple(FailedRollout("train", k, i) for k, i in state.failed),
-            search_warnings=tuple(self._conditions(state)),
-            base_f=state.base_f,
-            replication=state.replication,
-            levels=state.levels,
-            spending=1.0 / self.options.looks,
+            search_warnings=tuple(self._search_warnings(state)),
+            base_f=state.pilot.base_f,
+            replication=made.replication,
+            levels=state.pilot.levels,
+            spending=1.0 / self.options.interim_looks,
             sampling_share=SAMPLING_SHARE,
         )
 
@@ -228,176 +131,122 @@ class Splitting(Posed):
         """The base: what the moves leave as it is."""
         return self.base
 
-    # -- moves -----------------------------------------------------------------------------------------------
+    # -- a batch ---------------------------------------------------------------------------------------------
 
-    def _runs(self, state: SplittingState) -> int:
-        """Replications side by side."""
-        return 1 if state.phase == "pilot" else state.side_by_side
+    @staticmethod
+    def _begins(state: SplittingState) -> bool:
+        """Whether the next batch is the sample of level 0."""
+        return state.level.number == 0
 
-    def _moved(self, state: SplittingState) -> tuple[Array, NDArray[np.uint64], Array]:
+    def _level_0(self) -> LevelState:
+        none = Chains.none(self.base.dim)
+        return LevelState(0, 0, none, none)
+
+    def _proposed(self, state: SplittingState) -> tuple[Array, NDArray[np.uint64], Array]:
         """u and noise of the batch, and the step sizes used; a function of the state alone."""
         source = generator(state.seed, _MOVE_KIND, "train", state.batches, 0)
-        d = self.base.dim
-        if state.level == 0:
-            n = self._runs(state) * state.size
+        pilot = state.phase == "pilot"
+        if self._begins(state):
+            d, made = self.base.dim, state.replications
+            n = state.pilot.size if pilot else made.group_size * made.size
             return source.standard_normal((n, d)), source.bit_generator.random_raw(n), np.ones(d)
-        n = state.chain_f.size
-        z = source.standard_normal((n, d))
         steps = (
-            np.minimum(state.step * state.steps[-1], 1.0)
-            if state.phase == "pilot"
-            else state.steps[state.level - 1]
+            splitting_pilot.pilot_steps(state.pilot) if pilot else state.pilot.steps[state.level.number - 1]
         )
-        fresh = source.random(n) < 0.5
-        noise = np.where(fresh, source.bit_generator.random_raw(n), state.chain_noise)
-        return np.sqrt(1.0 - steps**2) * state.chain_u + steps * z, noise, steps
+        return *state.level.chains.proposed(source, steps), steps
 
-    def _kept(self, state: SplittingState) -> SplittingState:
-        """The chains' present states added to the level's sample: all of them in the pilot; later only their f, and
-        those that the next level may grow from."""
+    @staticmethod
+    def _counted(state: SplittingState, f: Array) -> SplittingState:
+        """The state with the batch and its failures counted."""
+        pilot = state.pilot
         if state.phase == "pilot":
-            keep = np.ones(state.chain_f.size, dtype=bool)
-        else:
-            keep = state.chain_f <= state.levels[state.level]
-            log_w = state.run_log_p[state.chain_run] - math.log(state.size)
-            first = state.group * self._runs(state)
-            state = msgspec.structs.replace(
-                state,
-                f=np.concatenate([state.f, state.chain_f]),
-                log_weights=np.concatenate([state.log_weights, log_w]),
-                replication=np.concatenate([state.replication, first + state.chain_run]),
-            )
+            pilot = msgspec.structs.replace(pilot, rollouts=pilot.rollouts + f.size)
         return msgspec.structs.replace(
             state,
-            pool_u=np.concatenate([state.pool_u, state.chain_u[keep]]),
-            pool_f=np.concatenate([state.pool_f, state.chain_f[keep]]),
-            pool_noise=np.concatenate([state.pool_noise, state.chain_noise[keep]]),
-            pool_run=np.concatenate([state.pool_run, state.chain_run[keep]]),
+            batches=state.batches + 1,
+            rollouts=state.rollouts + f.size,
+            pilot=pilot,
+            failed=state.failed + tuple((state.batches, int(i)) for i in np.flatnonzero(np.isnan(f))),
         )
 
-    def _next_level(self, state: SplittingState) -> SplittingState:
-        return self._next_pilot_level(state) if state.phase == "pilot" else self._next_run_level(state)
+    @staticmethod
+    def _begun(state: SplittingState, u: Array, f: Array, noise: NDArray[np.uint64]) -> SplittingState:
+        """The state with the sample of level 0."""
+        pilot, size = state.pilot, state.replications.size
+        if state.phase == "pilot":
+            pilot, size = msgspec.structs.replace(pilot, base_f=f), pilot.size
+        chains = Chains(u, f, noise, np.repeat(np.arange(f.size // size), size))
+        level = msgspec.structs.replace(state.level, chain_length=1, chains=chains)
+        return msgspec.structs.replace(state, pilot=pilot, level=level)
 
-    def _next_pilot_level(self, state: SplittingState) -> SplittingState:
-        o = self.options
-        finite = np.where(np.isnan(state.pool_f), math.inf, state.pool_f)
-        level = order_statistic(finite, o.p0)
-        if not level < math.inf:
-            level = float(np.max(finite[finite < math.inf], initial=-math.inf))
-        last = state.levels[-1] if state.levels.size else math.inf
-        if level >= last:  # a plateau: the highest value below it
-            level = float(np.max(finite[finite < last], initial=-math.inf))
-        # Settled steps of the level just sampled replace its first guess.
-        steps = state.steps
-        if state.level:
-            steps = np.vstack([steps[:-1], np.minimum(state.step * steps[-1], 1.0)])
-        cost = (o.chain - 1) * (state.size // o.chain)
-        stuck = not level > -math.inf
-        spent = state.rollouts + cost > o.pilot_share * o.budget
-        if level <= self.gamma or stuck or spent:
-            reached = level <= self.gamma and not stuck
-            levels = np.append(state.levels, self.gamma)
-            state = msgspec.structs.replace(state, levels=levels, steps=steps, reached=reached)
-            return self._first_group(state)
-        alive = np.flatnonzero(finite <= level)
-        levels = np.append(state.levels, level)
-        spread = state.pool_u[alive].std(axis=0) if alive.size > 10 else np.ones(self.base.dim)
-        steps = np.vstack([steps, np.clip(spread, 0.05, 1.0)])
-        state = msgspec.structs.replace(state, levels=levels, steps=steps, level=state.level + 1)
-        return self._seeded(state, alive)
-
-    def _first_group(self, state: SplittingState) -> SplittingState:
-        """Replications of equal size that fill the budget that the pilot has left."""
-        o = self.options
-        moves = (1.0 - 1.0 / o.chain) * (state.levels.size - 1)
-        total = (o.budget - state.rollouts) / (1.0 + moves)
-        replications = o.replications * max(math.ceil(total / o.replications / LARGEST_RUN), 1)
-        each = int(total / replications) // o.chain * o.chain
-        size = max(each, o.chain)
-        most = max(TOGETHER // size, 1)
-        fitting = [
-            k for k in range(1, replications // o.looks + 1) if replications // o.looks % k == 0 and k <= most
-        ]
-        state = msgspec.structs.replace(
-            state,
-            size=size,
-            replications=replications,
-            side_by_side=max(fitting),
-            phase="run" if each >= o.chain else "done",
+    @staticmethod
+    def _moved(state: SplittingState, u: Array, f: Array, noise: NDArray[np.uint64]) -> SplittingState:
+        """The state with the chains moved where that stays within the level."""
+        level, pilot = state.level, state.pilot
+        accepted = f <= pilot.levels[level.number - 1]
+        if state.phase == "pilot":
+            pilot = splitting_pilot.adapted(pilot, float(np.mean(accepted)), level.chain_length)
+        level = msgspec.structs.replace(
+            level, chain_length=level.chain_length + 1, chains=level.chains.moved(accepted, u, f, noise)
         )
-        return self._cleared(state)
+        return msgspec.structs.replace(state, pilot=pilot, level=level)
 
-    def _cleared(self, state: SplittingState) -> SplittingState:
-        return msgspec.structs.replace(
-            state,
-            level=0,
-            position=0,
-            chain_u=state.chain_u[:0],
-            chain_f=state.chain_f[:0],
-            chain_noise=state.chain_noise[:0],
-            chain_run=state.chain_run[:0],
-            pool_u=state.pool_u[:0],
-            pool_f=state.pool_f[:0],
-            pool_noise=state.pool_noise[:0],
-            pool_run=state.pool_run[:0],
-            run_log_p=np.zeros(self._runs(state)),
-        )
+    @staticmethod
+    def _kept(state: SplittingState) -> SplittingState:
+        """The state with the chains' present states in the level's sample: all of them in the pilot; later only those
+        that the next level may grow from, and of all their f."""
+        level, made, new = state.level, state.replications, state.level.chains
+        if state.phase != "pilot":
+            made = splitting_replications.with_values(made, new)
+            new = new.take(new.f <= state.pilot.levels[level.number])
+        level = msgspec.structs.replace(level, sample=level.sample.joined(new))
+        return msgspec.structs.replace(state, level=level, replications=made)
 
-    def _next_run_level(self, state: SplittingState) -> SplittingState:
-        o = self.options
-        if state.level == state.levels.size - 1 or state.pool_f.size == 0:
-            group = state.group + 1
-            est = self.estimate(state)
-            made = group * state.side_by_side
-            at_look = o.looks > 1 and made == state.replications // 2
-            done = made + state.side_by_side > state.replications or (at_look and est.converged)
-            after = msgspec.structs.replace(state, group=group, phase="done" if done else "run")
-            return self._cleared(after)
-        # What lies above the next level keeps its weight; what lies below is handed on to the next level's sample.
-        bound = state.levels[state.level]
-        counts = np.bincount(state.pool_run, minlength=self._runs(state))
-        with np.errstate(divide="ignore"):
-            run_log_p = state.run_log_p + np.log(counts / state.size)
-        mine = state.replication >= state.group * self._runs(state)
-        handed = mine & (state.f <= bound)
-        state = msgspec.structs.replace(
-            state,
-            run_log_p=run_log_p,
-            level=state.level + 1,
-            f=state.f[~handed],
-            log_weights=state.log_weights[~handed],
-            replication=state.replication[~handed],
-        )
+    # -- from level to level ---------------------------------------------------------------------------------
+
+    def _after_pilot_level(self, state: SplittingState) -> SplittingState:
+        """The pilot's next level, or the first group of replications."""
+        o, level = self.options, state.level
+        pilot, alive = splitting_pilot.next_level(state.pilot, level.number, level.sample, self.gamma, o)
+        state = msgspec.structs.replace(state, pilot=pilot)
+        if alive is not None:
+            source = generator(state.seed, _MOVE_KIND, "estimate", state.batches, 0)
+            return self._seeded(state, splitting_pilot.spaced_rows(alive, pilot.size // o.chain, source))
+        made = splitting_replications.planned(pilot, o)
+        phase = "replications" if made.size else "done"
+        return msgspec.structs.replace(state, phase=phase, replications=made, level=self._level_0())
+
+    def _after_level(self, state: SplittingState) -> SplittingState:
+        """The next level of the group, the next group, or the end."""
+        made, number, survivors = state.replications, state.level.number, state.level.sample
+        if number == state.pilot.levels.size - 1 or survivors.size == 0:
+            return self._after_group(state)
+        made = splitting_replications.next_level(made, survivors, state.pilot.levels[number])
         source = generator(state.seed, _MOVE_KIND, "estimate", state.batches, 0)
-        seeds = state.size // o.chain
-        chosen = []
-        for run in np.flatnonzero(counts):  # systematic resampling, each run from its own survivors
-            own = source.permutation(np.flatnonzero(state.pool_run == run))
-            at = (np.arange(seeds) + source.random()) * own.size / seeds
-            chosen.append(own[np.minimum(at.astype(np.intp), own.size - 1)])
-        return self._seeded(state, np.concatenate(chosen))
+        rows = splitting_replications.resampled(
+            survivors.replication, made.size // self.options.chain, source
+        )
+        return self._seeded(msgspec.structs.replace(state, replications=made), rows)
+
+    def _after_group(self, state: SplittingState) -> SplittingState:
+        """The next group; or the end, after all replications or where the interim look after half of them suffices."""
+        made = state.replications
+        complete = (made.group + 1) * made.group_size
+        interim = self.options.interim_looks > 1 and complete == made.count // 2
+        over = complete + made.group_size > made.count or (interim and self.estimate(state).converged)
+        return msgspec.structs.replace(
+            state,
+            phase="done" if over else "replications",
+            replications=splitting_replications.next_group(made),
+            level=self._level_0(),
+        )
 
     def _seeded(self, state: SplittingState, rows: NDArray[np.intp]) -> SplittingState:
-        """Chains that begin at those rows of the pool; the pool then holds them only."""
-        if state.phase == "pilot":
-            source = generator(state.seed, _MOVE_KIND, "estimate", state.batches, 0)
-            seeds = state.size // self.options.chain
-            rows = source.permutation(rows)
-            rows = rows[(np.arange(seeds) * rows.size // seeds)]
-        state = msgspec.structs.replace(
-            state,
-            position=1,
-            accepted=0.0,
-            chain_u=state.pool_u[rows],
-            chain_f=state.pool_f[rows],
-            chain_noise=state.pool_noise[rows],
-            chain_run=state.pool_run[rows],
-            pool_u=state.pool_u[:0],
-            pool_f=state.pool_f[:0],
-            pool_noise=state.pool_noise[:0],
-            pool_run=state.pool_run[:0],
+        """The next level, with chains that begin at those rows of the present sample."""
+        level = LevelState(
+            state.level.number + 1, 1, state.level.sample.take(rows), Chains.none(self.base.dim)
         )
-        return self._kept(state)
+        return self._kept(msgspec.structs.replace(state, level=level))
 
     # -- reports ---------------------------------------------------------------------------------------------
 
@@ -407,8 +256,8 @@ class Splitting(Posed):
         if before.phase != "pilot":
             return msgspec.structs.replace(record_of(self.estimate(after)), iteration=before.batches)
         ok = f[~np.isnan(f)]
-        bound = before.levels[before.level - 1] if before.level else math.inf
-        taken = float(np.mean(f <= bound)) if before.level else 1.0
+        number = before.level.number
+        bound = before.pilot.levels[number - 1] if number else math.inf
         return TrainingRecord(
             iteration=before.batches,
             rollouts=f.size,
@@ -421,26 +270,29 @@ class Splitting(Posed):
             infinite=int(np.count_nonzero(f == math.inf)),
             failed=int(f.size - ok.size),
             step=float(np.sqrt(np.mean(steps**2))),
-            kl=before.level * math.log(1.0 / self.options.p0),
-            summary={"level": float(before.level), "acceptance": taken},
+            kl=number * math.log(1.0 / self.options.p0),
+            summary={"level": float(number), "acceptance": float(np.mean(f <= bound)) if number else 1.0},
         )
 
-    def _conditions(self, state: SplittingState) -> list[Condition]:
-        found: list[Condition] = []
+    def _search_warnings(self, state: SplittingState) -> list[EstimateWarning]:
+        found: list[EstimateWarning] = []
         if state.phase == "pilot":
             return found
-        if not state.reached:
-            lowest = state.levels[-2] if state.levels.size > 1 else math.inf
+        levels = state.pilot.levels
+        if not state.pilot.reached:
+            lowest = levels[-2] if levels.size > 1 else math.inf
             found.append(
-                Condition(
+                EstimateWarning(
                     "threshold-not-reached",
                     f"the pilot's lowest level is {lowest:.4g}, above gamma = {self.gamma:g}: the last step is rarer "
                     "than p0",
                     "a larger budget",
                 )
             )
-        if state.phase == "done" and state.f.size == 0:
+        if state.phase == "done" and state.replications.f.size == 0:
             found.append(
-                Condition("budget-spent", "the pilot left too little for the replications", "a larger budget")
+                EstimateWarning(
+                    "budget-spent", "the pilot left too little for the replications", "a larger budget"
+                )
             )
         return found

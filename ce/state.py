@@ -1,287 +1,262 @@
-"""The frozen states of the algorithms, the batches they propose, and the states' bytes.
-
-Bytes are MessagePack (msgspec); an array is a map of dtype, shape and its raw little-endian bytes, so that
-a state read back is the same to the bit.
-"""
-
-import hashlib
-from dataclasses import fields
-from typing import Any
+"""The frozen states of the algorithms, which `ce.codec` writes as bytes."""
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from ce.beta import Beta
-from ce.errors import StateError
+from ce.chains import Chains
+from ce.codec import FORMAT
 from ce.gaussian_mixture import Mixture, Part
-from ce.look import Look
-from ce.normal import Normal
-from ce.product import Product
-from ce.white import White
+from ce.mode_search import ModeSearch
+from ce.records import TrainingRecord
 
-FORMAT = 3
+Array = NDArray[np.float64]
 
 
-class Batch(msgspec.Struct, frozen=True, eq=False):
-    """Rows [start, stop) of the stream (seed, phase, iteration), to be answered by one f each.
+class FreshSample(msgspec.Struct, frozen=True, eq=False):
+    """The estimation rollouts, and when to stop (`ce.stopping`).
 
-    x: (n, d) float64; noise: (n,) uint64, a rollout's own seed; parameters: of the proposal, so that a
-    worker holding the base can draw the same rows alone: `draw(base.with_parameters(parameters), seed,
-    phase, iteration, start, stop)`. explicit: x is not such a draw but has to travel with the batch; parameters
-    then only describe it.
+    f: (n,), values so far, NaN = failed
+    log_weights: (n,), log p0 / q of each
+    interim_at: number of rollouts at the next interim look
+    trial: rollouts at the beginning that only plan the others
+    interim_looks: interim looks made at the rollouts that count
     """
 
-    phase: str
-    iteration: int
-    x: NDArray[np.float64]
-    noise: NDArray[np.uint64]
-    parameters: NDArray[np.float64]
-    seed: int
-    start: int
-    stop: int
-    explicit: bool = False
+    f: Array
+    log_weights: Array
+    interim_at: int
+    trial: int = 0
+    interim_looks: int = 0
 
 
-class TrainingRecord(msgspec.Struct, frozen=True):
-    """One iteration of the search.
-
-    quantile: rho-quantile of f under the sampled proposal; gamma_k = max(gamma, quantile), or the largest
-    finite f where the quantile is infinite; elites: rollouts with f <= gamma_k; ess, max_weight_share: of
-    their weights p0/p_theta; events: rollouts with f <= gamma; infinite, failed: rollouts with f = +inf, f
-    = NaN; step: the step taken (0 = the proposal stayed); kl: KL(sampled proposal || base), nats; summary:
-    of the sampled proposal's parameters.
-    """
-
-    iteration: int
-    rollouts: int
-    gamma_k: float
-    quantile: float
-    elites: int
-    ess: float
-    max_weight_share: float
-    events: int
-    infinite: int
-    failed: int
-    step: float
-    kl: float
-    summary: dict[str, float]
-    phase: str = "train"
-
-
-class EstimationRecord(msgspec.Struct, frozen=True):
-    """The estimate after one more batch of estimation rollouts."""
-
-    iteration: int
-    rollouts: int
-    p: float
-    std_error: float
-    low: float
-    high: float
-    ess: float
-    max_weight_share: float
-    events: int
-    failed: int
-    phase: str = "estimate"
+NO_SAMPLE = FreshSample(np.zeros(0), np.zeros(0), 0)
 
 
 class NaiveState(msgspec.Struct, frozen=True, eq=False):
-    """Naive Monte Carlo: f so far, (n,), and the rollout count at which to look at the precision next."""
+    """Naive Monte Carlo.
+
+    digest: of the problem and the options
+    seed: of the stream
+    f: (n,), values so far, NaN = failed
+    interim_at: number of rollouts at the next interim look
+    done: whether the run is over
+    trial: rollouts at the beginning that only plan the others (`ce.stopping`)
+    interim_looks: interim looks made at the rollouts that count
+    """
 
     digest: str
     seed: int
-    f: NDArray[np.float64]
-    look_at: int
+    f: Array
+    interim_at: int
     done: bool
-    trial: int = 0  # rollouts at the beginning that only plan the others (`ce.stopping`)
-    looks: int = 0
+    trial: int = 0
+    interim_looks: int = 0
     method: str = "naive"
     format: int = FORMAT
 
 
 class CrossEntropyState(msgspec.Struct, frozen=True, eq=False):
-    """Algorithm 1: the proposal being used, the best one met, the records, then the estimation rollouts' f
-    and log w.
+    """Algorithm 1.
+
+    digest: of the problem and the options
+    seed: of the streams
+    phase: "train", "estimate" or "done"
+    iteration: of the search, 0 in the estimate
+    parameters: (s,), of the proposal being sampled
+    best_parameters: (s,), of the proposal with the lowest rho-quantile
+    best_quantile: that quantile, in the unit of f
+    records: one an iteration of the search
+    failed: (iteration, row) of each failed training rollout
+    base_f: (N_0,), f of the first iteration, whose rollouts come from the base itself
+    sample: the estimation rollouts
     """
 
     digest: str
     seed: int
-    phase: str  # "train", "estimate" or "done"
+    phase: str
     iteration: int
-    parameters: NDArray[np.float64]
-    best_parameters: NDArray[np.float64]
+    parameters: Array
+    best_parameters: Array
     best_quantile: float
     records: tuple[TrainingRecord, ...]
-    failed: tuple[tuple[int, int], ...]  # (iteration, row) of failed training rollouts
-    f: NDArray[np.float64]
-    log_weights: NDArray[np.float64]
-    base_f: NDArray[np.float64]  # f of the first iteration, whose rollouts come from the base itself
-    look_at: int
-    trial: int = 0  # rollouts at the beginning of the fresh sample that only plan the others (`ce.stopping`)
-    looks: int = 0
+    failed: tuple[tuple[int, int], ...]
+    base_f: Array
+    sample: FreshSample
     method: str = "ce"
     format: int = FORMAT
 
 
+class MixtureSearch(msgspec.Struct, frozen=True, eq=False):
+    """How far the search of mixture sampling has come.
+
+    level: lowest level so far whose elites suffice for a fit, in the unit of f
+    least_quantile: lowest rho-quantile of a batch so far, in the unit of f
+    reached_at: number of the fit whose level was first gamma, -1 for none
+    improved_at: number of the fit that had the lowest quantile
+    elite_u: (e, d), elites in standard-normal space
+    elite_f: (e,), their values
+    fits: the last two fits to elites
+    found: fit to events of the mode search that no proposal covered, None for none
+    mode_search: the search for modes that the proposals miss, None before it and in the estimate
+    ess_rates: effective events a rollout of each batch since the threshold was reached
+    log_efficiencies: of the proposal of each batch, at the level it was fitted to (`ce.log_efficiency`)
+    shares: p by each batch alone
+    """
+
+    level: float
+    least_quantile: float
+    reached_at: int
+    improved_at: int
+    elite_u: Array
+    elite_f: Array
+    fits: tuple[Part, ...] = ()
+    found: Part | None = None
+    mode_search: ModeSearch | None = None
+    ess_rates: tuple[float, ...] = ()
+    log_efficiencies: tuple[float, ...] = ()
+    shares: tuple[float, ...] = ()
+
+
 class MixtureState(msgspec.Struct, frozen=True, eq=False):
-    """Mixture sampling: the proposals so far, the last two fits, the elites in standard-normal space, the look for what
-    they miss and what it has found, the records, then the estimation rollouts' f and log w.
+    """Mixture sampling.
+
+    digest: of the problem and the options
+    seed: of the streams
+    phase: "train", "mode-search", "estimate" or "done"
+    iteration: batches of the search answered, those of the mode search among them; 0 in the estimate
+    mixtures: the proposals so far, the last of them the one being sampled
+    parameters: (s,), of the member of the base's family nearest to that
+    search: how far the search has come
+    mode_coverage: share of the mode search's states that the last proposal covers, NaN without a mode search
+    records: one a batch of the search
+    failed: (iteration, row) of each failed rollout of the search
+    base_f: (N_0,), f of the first iteration, whose rollouts come from the base itself
+    sample: the estimation rollouts
     """
 
     digest: str
     seed: int
-    phase: str  # "train", "look", "estimate" or "done"
-    iteration: int  # batches of the search answered, those of the look among them
+    phase: str
+    iteration: int
     mixtures: tuple[Mixture, ...]
-    fits: tuple[Part, ...]
-    parameters: NDArray[np.float64]
-    level: float
-    least_quantile: float
-    reached_at: int  # fit whose rho-quantile was first an event, -1 for none
-    improved_at: int
-    elite_u: NDArray[np.float64]
-    elite_f: NDArray[np.float64]
-    look: Look | None
-    found: Part | None  # where the look has met events that no proposal covered
-    coverage: float  # of the look's states by the last proposal; NaN: no look
-    worths: tuple[float, ...]  # effective events a rollout of each batch since the threshold was reached
-    headway: tuple[float, ...]  # of the proposal of each batch of the search, at the level it was fitted to
-    shares: tuple[float, ...]  # p by each batch of the search alone
+    parameters: Array
+    search: MixtureSearch
+    mode_coverage: float
     records: tuple[TrainingRecord, ...]
     failed: tuple[tuple[int, int], ...]
-    f: NDArray[np.float64]
-    log_weights: NDArray[np.float64]
-    base_f: NDArray[np.float64]
-    look_at: int
-    trial: int = 0
-    looks: int = 0
+    base_f: Array
+    sample: FreshSample
     method: str = "mixture"
     format: int = FORMAT
 
 
+class LevelState(msgspec.Struct, frozen=True, eq=False):
+    """The level that splitting is sampling.
+
+    number: of the level, 0 for the base
+    chain_length: states of each chain so far, its seed included; 0 before the level's first batch
+    chains: their present states, from which the next batch moves
+    sample: the level's sample so far; in the replications only the rows that the next level may grow from
+    """
+
+    number: int
+    chain_length: int
+    chains: Chains
+    sample: Chains
+
+
+class PilotState(msgspec.Struct, frozen=True, eq=False):
+    """The adaptive run of splitting, which fixes levels and step sizes for the replications.
+
+    size: samples of a level
+    rollouts: that the pilot has taken
+    levels: (L,), thresholds so far, falling, in the unit of f; the last one gamma once the pilot is over
+    steps: (L - 1, d), step sizes of the moves below each level but the last, in (0, 1]
+    step_factor: that the step sizes of the present level are multiplied by, adapted to the acceptance
+    base_f: (size,), f of level 0, whose rollouts come from the base itself
+    reached: whether a level of probability p0 has come down to gamma
+    """
+
+    size: int
+    rollouts: int
+    levels: Array
+    steps: Array
+    step_factor: float
+    base_f: Array
+    reached: bool
+
+
+class ReplicationsState(msgspec.Struct, frozen=True, eq=False):
+    """The independent runs of splitting with fixed levels and steps, some of them at a time.
+
+    size: samples of a level in one replication
+    count: replications in all
+    group_size: replications that are run side by side
+    group: number of the present group
+    log_p: (group_size,), log P(f <= present level) by each replication of the group
+    f: (n,), values of what the levels so far leave behind
+    log_weights: (n,), their log weights; the weights of a replication sum to one
+    replication: (n,) int64, the number of each one's replication
+    """
+
+    size: int
+    count: int
+    group_size: int
+    group: int
+    log_p: Array
+    f: Array
+    log_weights: Array
+    replication: NDArray[np.int64]
+
+
 class SplittingState(msgspec.Struct, frozen=True, eq=False):
-    """Splitting: levels and steps; the chains, whose next move is the next batch; the pool, the present level's
-    sample so far (after the pilot only what the next level may grow from); and f with log weight and replication
-    of what the finished levels leave behind.
+    """Splitting.
+
+    digest: of the problem and the options
+    seed: of the streams
+    phase: "pilot", "replications" or "done"
+    batches: answered so far
+    rollouts: answered so far, the pilot's included
+    level: the level being sampled, in the pilot or in a group of replications
+    pilot: the adaptive run, and the levels and steps that it has fixed
+    replications: the runs that the estimate is made of; empty during the pilot
+    failed: (batch, row) of each failed rollout
     """
 
     digest: str
     seed: int
-    phase: str  # "pilot", "run" or "done"
-    batches: int  # answered
+    phase: str
+    batches: int
     rollouts: int
-    training_rollouts: int
-    size: int  # samples of a level in a run
-    replications: int
-    side_by_side: int  # replications of a group
-    group: int
-    level: int
-    position: int  # states of the present chains
-    levels: NDArray[np.float64]
-    steps: NDArray[np.float64]  # (levels, d)
-    step: float  # the pilot's common factor
-    chain_u: NDArray[np.float64]
-    chain_f: NDArray[np.float64]
-    chain_noise: NDArray[np.uint64]
-    chain_run: NDArray[np.int64]
-    pool_u: NDArray[np.float64]
-    pool_f: NDArray[np.float64]
-    pool_noise: NDArray[np.uint64]
-    pool_run: NDArray[np.int64]
-    run_log_p: NDArray[np.float64]  # log P(f <= present level) by each run of the group
-    accepted: float
-    f: NDArray[np.float64]
-    log_weights: NDArray[np.float64]
-    replication: NDArray[np.int64]
-    base_f: NDArray[np.float64]
+    level: LevelState
+    pilot: PilotState
+    replications: ReplicationsState
     failed: tuple[tuple[int, int], ...]
-    reached: bool
     method: str = "splitting"
     format: int = FORMAT
 
 
 class AutoState(msgspec.Struct, frozen=True):
-    """Method auto: the stage, what earlier stages have cost, whether the trial is over, and the stage's own state."""
+    """Method auto.
+
+    digest: of the problem and the options
+    seed: of the run, from which each stage has its own
+    stage: "mixture", "naive" or "splitting"
+    spent: rollouts of earlier stages
+    tried: whether the trial of the proposal is over
+    inner: the stage's own state as bytes
+    failed: (phase, iteration, row) of each failed rollout of earlier stages
+    reason: why another stage was left for this one, empty for none
+    """
 
     digest: str
     seed: int
-    stage: str  # "mixture", "naive" or "splitting"
+    stage: str
     spent: int
     tried: bool
     inner: bytes
     failed: tuple[tuple[str, int, int], ...]
-    reason: str  # why another stage was left for this one
+    reason: str
     method: str = "auto"
     format: int = FORMAT
-
-
-def _encode_array(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        little = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<"))
-        return {"dtype": little.dtype.str, "shape": little.shape, "data": little.tobytes()}
-    if isinstance(value, np.generic):
-        return value.item()
-    raise NotImplementedError(f"cannot encode {type(value).__name__}")
-
-
-def _decode_array(kind: type, value: Any) -> Any:
-    array = np.frombuffer(value["data"], dtype=np.dtype(value["dtype"])).reshape(value["shape"])
-    return array.astype(array.dtype.newbyteorder("="))
-
-
-_encoder = msgspec.msgpack.Encoder(enc_hook=_encode_array)
-
-
-def to_bytes(state: msgspec.Struct) -> bytes:
-    """The state as MessagePack."""
-    return _encoder.encode(state)
-
-
-def from_bytes(data: bytes, kind: type, digest: str) -> Any:
-    """The state of that kind, checked to belong to the problem with that digest; StateError otherwise."""
-    state: Any
-    try:
-        state = msgspec.msgpack.decode(data, type=kind, dec_hook=_decode_array)
-    except (msgspec.MsgspecError, KeyError, TypeError, ValueError) as error:
-        _refuse_other_formats(_format_of(data))
-        raise StateError(f"these bytes are not a {kind.__name__}: {error}") from None
-    _refuse_other_formats(state.format)
-    if state.digest != digest:
-        raise StateError(
-            "the state belongs to another base distribution, gamma or options; give the same ones"
-        )
-    return state
-
-
-class _Format(msgspec.Struct):
-    """What every state of whatever version has."""
-
-    format: int
-
-
-def _format_of(data: bytes) -> int | None:
-    try:
-        return msgspec.msgpack.decode(data, type=_Format).format
-    except (msgspec.MsgspecError, ValueError):
-        return None
-
-
-def _refuse_other_formats(found: int | None) -> None:
-    if found not in (None, FORMAT):
-        raise StateError(f"the state has format {found}, this version reads {FORMAT}")
-
-
-def digest_of(base: Product, *rest: Any) -> str:
-    """SHA-256 over the base distribution's numbers and whatever else defines the problem."""
-    described: list[list[Any]] = []
-    for b in base.blocks:
-        if isinstance(b, Beta):
-            described.append(["beta", b.alpha, b.beta, b.low, b.high])
-        elif isinstance(b, White):
-            described.append(["white", b.mean])
-        elif isinstance(b, Normal):
-            described.append(["normal", b.mean, b.cov])
-        else:
-            names = [f.name for f in fields(b)]  # type: ignore[arg-type]
-            described.append([type(b).__name__, *(getattr(b, name) for name in names)])
-    return hashlib.sha256(_encoder.encode([described, *rest])).hexdigest()

@@ -5,8 +5,8 @@ underestimated. Here the first rollouts of the fresh sample are a trial: from it
 that the target needs is computed, with a margin (Stein, Annals of Mathematical Statistics 16, 1945). Then n fresh
 rollouts are made and the trial is left out, so that given the trial n is fixed and the interval is one at a fixed
 number of rollouts, as honest as without a target. Where the target is missed all the same, more rollouts are planned;
-each look has a share of the error of its own, alpha spending (Lan and DeMets, Biometrika 70, 1983), so that the
-intervals at all looks hold together by the union bound.
+each interim look has a share of the error of its own, alpha spending (Lan and DeMets, Biometrika 70, 1983), so that
+the intervals at all looks hold together by the union bound.
 """
 
 import math
@@ -14,56 +14,56 @@ from dataclasses import dataclass
 
 from scipy.special import ndtri
 
-from ce.results import FEW_EVENTS, Estimate
+from ce.estimate_warnings import FEW_EVENTS
+from ce.results import Estimate
 
-MARGIN, DOUBT = (
-    1.1,
-    1.3,
-)  # planned rollouts are multiplied by MARGIN + DOUBT / sqrt(effective events of the trial)
+# Planned rollouts are multiplied by MARGIN + MARGIN_OF_TRIAL / sqrt(effective events of the trial).
+MARGIN, MARGIN_OF_TRIAL = 1.1, 1.3
 LEAST_TRIAL = 500
-TRIAL_SHARE = 0.05  # of what the fresh sample may have
-SPENDING = (
-    0.75,
-    0.2,
-    0.03,
-    0.01,
-    0.01,
-)  # shares of 1 - confidence that the looks have, the last one again and again
+# Of what the fresh sample may have.
+TRIAL_SHARE = 0.05
+# Shares of 1 - confidence that the interim looks have, the last one again and again.
+SPENDING = (0.75, 0.2, 0.03, 0.01, 0.01)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """look_at: rollouts of the fresh sample, trial included, at which to look next; trial: how many of them are
-    left out; looks: made so far at what counts."""
+    """What is to be done after an interim look.
 
-    look_at: int
+    interim_at: rollouts of the fresh sample, trial included, at the next interim look
+    trial: how many of them are left out of the estimate
+    interim_looks: made so far at the rollouts that count
+    done: whether the run is over
+    """
+
+    interim_at: int
     trial: int
-    looks: int
+    interim_looks: int
     done: bool
 
 
-def first_look(rel_error: float | None, limit: int, batch_size: int) -> int:
-    """Rollouts of the fresh sample at which to look first: all without a target, otherwise the trial's."""
+def first_interim(rel_error: float | None, limit: int, batch_size: int) -> int:
+    """Rollouts of the fresh sample at the first interim look: all without a target, otherwise the trial's."""
     if rel_error is None:
         return limit
     return min(batch_size, max(int(TRIAL_SHARE * limit), LEAST_TRIAL), limit)
 
 
-def counted(n: int, look_at: int, trial: int) -> int:
+def left_out(n: int, interim_at: int, trial: int) -> int:
     """How many rollouts at the beginning are left out of the estimate after n: the trial, once what follows it is
     complete; before that all of them count, for the unfinished estimate."""
-    return trial if n >= look_at and n > trial else 0
+    return trial if n >= interim_at and n > trial else 0
 
 
-def spending(looks: int, done: bool) -> float:
-    """Share of 1 - confidence of the look that an estimate is shown at, `looks` having been made, this one among them
-    if done."""
-    return SPENDING[min(looks - (1 if done else 0), len(SPENDING) - 1)]
+def spending(interim_looks: int, done: bool) -> float:
+    """Share of 1 - confidence of the interim look that an estimate is shown at, so many having been made, this one
+    among them if done."""
+    return SPENDING[min(interim_looks - (1 if done else 0), len(SPENDING) - 1)]
 
 
-def next_look(est: Estimate, n: int, limit: int, trial: int, looks: int) -> Plan:
-    """The plan after a look at n rollouts (trial included) of at most `limit`; est: of those that count."""
-    made = looks + (1 if trial else 0)
+def next_interim(est: Estimate, n: int, limit: int, trial: int, interim_looks: int) -> Plan:
+    """The plan after an interim look at n rollouts, trial included, of at most `limit`; est: of those that count."""
+    made = interim_looks + (1 if trial else 0)
     if est.rel_error is None or n >= limit or (trial and est.converged):
         return Plan(n, trial, made, True)
     if est.ess < FEW_EVENTS:
@@ -73,7 +73,7 @@ def next_look(est: Estimate, n: int, limit: int, trial: int, looks: int) -> Plan
     else:
         share = est.sampling_share * spending(made, False)
         z = float(ndtri(1.0 - 0.5 * (1.0 - est.confidence) * share))
-        margin = MARGIN + DOUBT / math.sqrt(est.ess)
+        margin = MARGIN + MARGIN_OF_TRIAL / math.sqrt(est.ess)
         needed = math.ceil(margin * est.f.size * (z * est.std_error / est.p / est.rel_error) ** 2)
         needed = max(needed, math.ceil(1.5 * FEW_EVENTS * est.f.size / est.ess))
     if not trial:

@@ -24,33 +24,43 @@ from ce.regression import Direction
 
 Array = NDArray[np.float64]
 
-LARGEST_FREE = 12  # dimensions up to which every coordinate is kept
-MOST_COORDINATES = 40  # significant coordinates above which directions are used instead
+# Dimensions up to which every coordinate is kept.
+LARGEST_FREE = 12
+# Significant coordinates above which directions are used instead.
+MOST_COORDINATES = 40
 MOST_DIRECTIONS = 5
+# Dimensions up to which principal directions are looked for.
 LARGEST_PCA = 1000
-LEAST_SUPPORT = 30  # effective number of samples that make up a direction's variance
-LEAST_HINT = 0.1  # share of a hint's squared length outside the kept coordinates from which it is of use
-_MARGIN = 1.15  # beyond the Marchenko-Pastur edge
+# Effective number of samples that make up a direction's variance, at least.
+LEAST_SUPPORT = 30
+# Share of a given direction's squared length outside the kept coordinates from which it is of use.
+LEAST_NEW_SHARE = 0.1
+# Beyond the Marchenko-Pastur edge.
+_MARGIN = 1.15
 
 
 @dataclass(frozen=True)
 class Subspace:
-    """basis: (d, r), orthonormal; y: (n, r) projections with each sample's own influence removed; scale: common
-    deviation of what is orthogonal."""
+    """A subspace in which weighted samples differ from N(0, I).
+
+    basis: (d, r), orthonormal
+    y: (n, r), projections with each sample's own influence removed
+    scale: common standard deviation of what is orthogonal to it
+    """
 
     basis: Array
     y: Array
     scale: float
 
 
-def find(u: Array, w: Array, hints: Sequence[Direction] = (), worth: float = math.inf) -> Subspace:
+def find(u: Array, w: Array, directions: Sequence[Direction] = (), ess_limit: float = math.inf) -> Subspace:
     """The subspace for samples u (n, d) with weights w (n,) that sum to one.
 
-    hints: directions to be kept, best first, each with what it owes to each sample; worth: effective number of samples
-    at most, where they depend on each other.
+    directions: to be kept, best first, each with every sample's influence on it
+    ess_limit: effective number of samples at most, where they depend on each other
     """
     d = u.shape[1]
-    ess = min(1.0 / float(np.sum(w * w)), worth)
+    ess = min(1.0 / float(np.sum(w * w)), ess_limit)
     if d <= LARGEST_FREE:
         return Subspace(np.eye(d), u, 1.0)
     mean, second = w @ u, w @ (u * u)
@@ -66,16 +76,16 @@ def find(u: Array, w: Array, hints: Sequence[Direction] = (), worth: float = mat
     projections = [u[:, i] for i in kept]
     left = u.copy()
     left[:, kept] = 0.0
-    for hint in hints:
-        direction = hint.vector.copy()
+    for given in directions:
+        direction = given.vector.copy()
         for column in columns:
             direction -= (direction @ column) * column
         size = math.sqrt(float(direction @ direction))
-        if size * size < LEAST_HINT:
+        if size * size < LEAST_NEW_SHARE:
             continue
         direction /= size
         along = left @ direction
-        projections.append(along - hint.own / size)
+        projections.append(along - given.influence / size)
         columns.append(direction)
         left = left - np.outer(along, direction)
     norm = d - len(columns)

@@ -63,7 +63,7 @@ def write_job(home: Path, rollouts: int, keep: bool = True) -> str:
         if keep:
             problem = Problem(job)
             begun = problem.algorithm.init(problem.stream_seed)
-            last = msgspec.structs.replace(begun, f=f, look_at=rollouts, done=True)
+            last = msgspec.structs.replace(begun, f=f, interim_at=rollouts, done=True)
             store.keep_state("jmillion", 0, -(-rollouts // BATCH), problem.algorithm.to_bytes(last))
         small = ce.Product([ce.Beta(2.0, 2.0)])  # the records follow from f alone
         naive = ce.algorithm("naive", small, 0.01, ce.OPTIONS["naive"](**options))

@@ -24,7 +24,7 @@ PROBABILITIES = (1e-4, 1e-5, 1e-6)
 
 def base_of(searched: bool) -> ce.Product:
     blocks = [ce.Beta(2.0, 2.0) for _ in range(STARTS)] + [ce.Normal(np.zeros(WEIGHTS), np.eye(WEIGHTS))]
-    return ce.Product([*blocks, ce.White(NOISE)] if searched else blocks)
+    return ce.Product([*blocks, ce.StandardNormal(NOISE)] if searched else blocks)
 
 
 def noise_sums(seeds: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ce
-from ce.state import TrainingRecord
+from ce.records import TrainingRecord
 from tests.reference.problems import BETAS, LINEAR_2, linear
 from tests.reference.variants import two_sided
 

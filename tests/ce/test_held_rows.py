@@ -6,7 +6,7 @@ import pytest
 import ce
 
 DIM, BUDGET = 60, 6000
-BASE = ce.Product([ce.White(DIM)])
+BASE = ce.Product([ce.StandardNormal(DIM)])
 SMALL = 100_000  # bytes of parameters and records
 OPTIONS = {
     "naive": ce.NaiveOptions(BUDGET, batch_size=2500),

@@ -58,17 +58,17 @@ def test_failures_are_no_events_in_p_and_events_in_the_upper_end():
     assert est.failed_rollouts[19] == ce.FailedRollout("estimate", 0, 19)
 
 
-def test_target_precision_stops_at_a_planned_look():
+def test_target_precision_stops_at_a_planned_interim_look():
     options = ce.NaiveOptions(budget=400_000, rel_error=0.1, batch_size=1000)
     algorithm = ce.algorithm("naive", LINEAR_2.base, 2.0, options)
-    state, looks = algorithm.init(0), set()
+    state, interims = algorithm.init(0), set()
     while (batch := algorithm.propose(state)) is not None:
-        looks.add(state.look_at)
+        interims.add(state.interim_at)
         state, _ = algorithm.update(state, batch, LINEAR_2.f(batch.x))
     est = algorithm.estimate(state)
     assert est.converged
     assert est.rollouts < 20_000
-    assert len(looks) <= 4
+    assert len(interims) <= 4
 
 
 def test_efficiency_is_one():

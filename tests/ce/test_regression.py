@@ -47,12 +47,12 @@ def test_nothing_is_claimed_from_noise_or_from_too_few_rows():
 
 
 def test_what_a_row_adds_to_its_own_projection_is_known():
-    """Left out of the regression, its projection is the one without `own`."""
+    """Left out of the regression, its projection is that less its influence."""
     u = batch(600)
     f = -(u @ TRUE) + np.random.default_rng(2).normal(size=600)
     found = downhill(u, f)
     for i in (0, 17, 300):
         others = np.delete(np.arange(600), i)
         without = downhill(u[others], f[others])
-        corrected = u[i] @ found.vector - found.own[i]
+        corrected = u[i] @ found.vector - found.influence[i]
         assert corrected == pytest.approx(u[i] @ without.vector, abs=0.06)

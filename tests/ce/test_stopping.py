@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ce
-from ce.stopping import SPENDING, counted, first_look, next_look
+from ce.stopping import SPENDING, first_interim, left_out, next_interim
 from tests.reference.problems import LINEAR_2
 
 BASE = LINEAR_2.base
@@ -29,41 +29,41 @@ def given(n, w=1.0, share=0.1, rel_error=0.1):
     )
 
 
-def test_the_looks_share_the_error():
+def test_the_interim_looks_share_the_error():
     assert sum(SPENDING) <= 1.0 + 1e-12
     assert all(a >= b for a, b in itertools.pairwise(SPENDING))
 
 
-def test_without_a_target_there_is_one_look_at_the_end():
-    assert first_look(None, 10_000, 500) == 10_000
-    plan = next_look(given(10_000, rel_error=None), 10_000, 10_000, 0, 0)
+def test_without_a_target_there_is_one_interim_look_at_the_end():
+    assert first_interim(None, 10_000, 500) == 10_000
+    plan = next_interim(given(10_000, rel_error=None), 10_000, 10_000, 0, 0)
     assert plan.done
     assert plan.trial == 0
 
 
 def test_the_trial_plans_what_follows_and_is_left_out():
     est = given(1000)
-    plan = next_look(est, 1000, 100_000, 0, 0)
+    plan = next_interim(est, 1000, 100_000, 0, 0)
     assert not plan.done
     assert plan.trial == 1000
     exact = (1.96 / 0.1) ** 2 * (1 - 0.1) / 0.1
-    assert 1.0 * exact < plan.look_at - 1000 < 2.0 * exact
-    assert counted(1500, plan.look_at, 1000) == 0  # on the way everything counts
-    assert counted(plan.look_at, plan.look_at, 1000) == 1000
+    assert 1.0 * exact < plan.interim_at - 1000 < 2.0 * exact
+    assert left_out(1500, plan.interim_at, 1000) == 0  # on the way everything counts
+    assert left_out(plan.interim_at, plan.interim_at, 1000) == 1000
 
 
 def test_a_trial_with_few_events_is_longer():
-    plan = next_look(given(1000, share=0.01), 1000, 100_000, 0, 0)
-    assert (plan.look_at, plan.trial) == (2000, 0)
+    plan = next_interim(given(1000, share=0.01), 1000, 100_000, 0, 0)
+    assert (plan.interim_at, plan.trial) == (2000, 0)
 
 
-def test_a_missed_target_has_another_look_and_the_limit_ends_it():
+def test_a_missed_target_has_another_interim_look_and_the_limit_ends_it():
     est = given(1000)  # has about 0.18
-    plan = next_look(est, 1500, 100_000, 500, 0)
+    plan = next_interim(est, 1500, 100_000, 500, 0)
     assert not plan.done
-    assert plan.looks == 1
+    assert plan.interim_looks == 1
     assert plan.trial == 500
-    assert next_look(est, 1500, 1500, 500, 0).done
+    assert next_interim(est, 1500, 1500, 500, 0).done
 
 
 @pytest.mark.parametrize("method", ["naive", "ce", "mixture"])

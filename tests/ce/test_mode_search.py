@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import ce
-from ce import look
+from ce import mode_search
 from ce.gaussian_mixture import Part
-from ce.mixture_fit import straightened
+from ce.mixture_fit import aligned
 from tests.reference.variants import VARIANTS
 
 KNOWN = {problem.name: problem for problem in VARIANTS}
@@ -25,9 +25,9 @@ def test_every_mode_is_found(name):
         assert est.mode_coverage > 0.5
 
 
-def test_without_the_look_the_greater_mode_is_missed():
+def test_without_the_mode_search_the_greater_mode_is_missed():
     problem = KNOWN["misleading"]
-    options = ce.MixtureOptions(budget=20_000, look_share=0)
+    options = ce.MixtureOptions(budget=20_000, mode_search_share=0)
     ratios = [
         ce.estimate(problem.f, problem.base, 0.0, "mixture", options=options, seed=s).p / problem.p
         for s in range(4)
@@ -36,38 +36,37 @@ def test_without_the_look_the_greater_mode_is_missed():
 
 
 def test_chains_stay_within_the_event_and_cool_down():
-
-    state, chains = look.begun(30, 0.0), 40
+    state, chains = mode_search.init(30, 0.0), 40
 
     def f(u):
         return 3.0 - np.abs(u[:, 0])
 
     iteration = 0
     while not state.over:
-        u, noise = look.batch(state, 600, 7, iteration)
-        state = look.answered(state, u, noise, f(u), 0.0, chains, 7, iteration)
+        u, noise = mode_search.propose(state, 600, 7, iteration)
+        state = mode_search.update(state, u, noise, f(u), 0.0, chains, 7, iteration)
         iteration += 1
-    assert iteration == look.MOVES + 1
-    assert np.all(f(state.u) <= 0.0)
-    assert {-1.0, 1.0} == set(np.sign(state.u[:, 0]))
-    begun_at = np.sum(look.batch(look.begun(30, 0.0), 600, 7, 0)[0][:, 1:] ** 2, axis=1)
-    norms = np.sum(state.u[:, 1:] ** 2, axis=1)
+    assert iteration == mode_search.MOVES + 1
+    assert np.all(f(state.chains.u) <= 0.0)
+    assert {-1.0, 1.0} == set(np.sign(state.chains.u[:, 0]))
+    begun_at = np.sum(mode_search.propose(mode_search.init(30, 0.0), 600, 7, 0)[0][:, 1:] ** 2, axis=1)
+    norms = np.sum(state.chains.u[:, 1:] ** 2, axis=1)
     assert 20.0 < norms.mean() < 0.6 * begun_at.mean()  # of 29 in the base
-    assert state.seen.shape == (look.KEPT_MOVES * chains, 30)
+    assert state.visited.shape == (mode_search.KEPT_MOVES * chains, 30)
 
 
 @pytest.mark.parametrize("value", [1.0, math.inf, math.nan])
 def test_it_ends_where_there_are_no_events(value):
-    state = look.begun(5, math.inf)
-    u, noise = look.batch(state, 100, 0, 0)
-    state = look.answered(state, u, noise, np.full(100, value), 0.0, 20, 0, 0)
+    state = mode_search.init(5, math.inf)
+    u, noise = mode_search.propose(state, 100, 0, 0)
+    state = mode_search.update(state, u, noise, np.full(100, value), 0.0, 20, 0, 0)
     assert state.over
 
 
 def test_states_that_no_proposal_reaches_are_told_apart():
     usual = np.log(np.full(100, 1e-4))
     states = np.log([1e-4, 1.5e-3, 1e-2, 8.0])
-    np.testing.assert_array_equal(look.uncovered(states, usual), [False, False, True, True])
+    np.testing.assert_array_equal(mode_search.uncovered(states, usual), [False, False, True, True])
 
 
 def test_a_mean_over_few_chains_is_brought_back_to_the_line_on_which_f_falls():
@@ -79,7 +78,7 @@ def test_a_mean_over_few_chains_is_brought_back_to_the_line_on_which_f_falls():
     label = np.repeat([0, 1, -1], [80, 80, 40])
     u = source.standard_normal((200, d)) + np.vstack([means, np.zeros(d)])[label]
     f = np.min(4.0 - u @ directions.T, axis=1)
-    better = straightened(part, label, u, f)
+    better = aligned(part, label, u, f)
     assert better.weight == part.weight
     assert better.means @ better.basis.T == pytest.approx(
         np.sum(means * directions, axis=1)[:, None] * directions, abs=0.05
@@ -93,4 +92,4 @@ def test_a_mean_stays_where_f_tells_no_line():
     u = source.standard_normal((100, d)) + mean
     label = np.zeros(100, dtype=np.intp)
     for f in (source.random(100), np.full(100, np.inf), np.full(100, np.nan)):
-        assert straightened(part, label, u, f) is part
+        assert aligned(part, label, u, f) is part

@@ -1,4 +1,4 @@
-"""How far a proposal is ahead of the base at a level."""
+"""Logarithmic efficiency of a proposal at a level, and what follows from it."""
 
 import math
 
@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from ce.headway import headway, led, stalled
+from ce.log_efficiency import log_efficiency, stalled, well_ahead
 
 
 def test_the_base_is_not_ahead_of_itself():
     u = np.random.default_rng(1).standard_normal(4000)
-    assert headway(-u, np.zeros(u.size), -2.0) == pytest.approx(0.0, abs=1e-12)
+    assert log_efficiency(-u, np.zeros(u.size), -2.0) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_shifted_proposal_is_ahead_by_what_its_weights_say():
@@ -21,20 +21,20 @@ def test_a_shifted_proposal_is_ahead_by_what_its_weights_say():
     p, second = ndtr(-b), math.exp(b * b) * ndtr(-2 * b)
     exact = math.log(p / second) / -math.log(p)
     assert 0.5 < exact < 1.0
-    assert headway(-u, b * b / 2 - b * u, -b) == pytest.approx(exact, abs=0.01)
+    assert log_efficiency(-u, b * b / 2 - b * u, -b) == pytest.approx(exact, abs=0.01)
 
 
 @pytest.mark.parametrize("level", [math.inf, 0.5, -9.0], ids=["no level yet", "common", "nothing below it"])
 def test_a_level_that_tells_nothing_is_no_number(level: float):
     u = np.random.default_rng(3).standard_normal(1000)
-    assert math.isnan(headway(-u, np.zeros(u.size), level))
+    assert math.isnan(log_efficiency(-u, np.zeros(u.size), level))
 
 
 NAN = math.nan
 
 
 @pytest.mark.parametrize(
-    ("ahead", "spent", "since_look", "left"),
+    ("efficiencies", "spent", "since_mode_search", "left"),
     [
         ((NAN, 0.2, 0.25), 0.3, None, True),
         ((NAN, 0.2, 0.25), 0.15, None, False),
@@ -54,19 +54,21 @@ NAN = math.nan
     ],
     ids=[
         "hardly ahead", "early", "rising", "ahead", "one poor batch after a good one",
-        "nothing before", "a level that tells nothing", "one batch", "the look is awaited", "not helped by the look",
-        "helped by it", "well ahead before the look", "nothing before the look", "after the look, nothing",
-        "the batch after",
+        "nothing before", "a level that tells nothing", "one batch", "the mode search is awaited",
+        "not helped by the mode search", "helped by it", "well ahead before the mode search",
+        "nothing before the mode search", "after the mode search, nothing", "the batch after",
     ],
 )  # fmt: skip
 def test_when_a_search_is_held_to_have_stalled(
-    ahead: tuple[float, ...], spent: float, since_look: int | None, left: bool
+    efficiencies: tuple[float, ...], spent: float, since_mode_search: int | None, left: bool
 ):
-    assert stalled(ahead, spent, since_look) is left
+    assert stalled(efficiencies, spent, since_mode_search) is left
 
 
 @pytest.mark.parametrize(
-    ("ahead", "yes"), [((), False), ((NAN, NAN), False), ((0.2, 0.8, NAN), True), ((0.8, 0.2), False)]
+    ("efficiencies", "yes"), [((), False), ((NAN, NAN), False), ((0.2, 0.8, NAN), True), ((0.8, 0.2), False)]
 )
-def test_a_search_leads_where_the_last_batch_that_tells_is_well_ahead(ahead: tuple[float, ...], yes: bool):
-    assert led(ahead) is yes
+def test_a_search_is_well_ahead_where_the_last_batch_that_tells_is(
+    efficiencies: tuple[float, ...], yes: bool
+):
+    assert well_ahead(efficiencies) is yes

@@ -2,23 +2,32 @@
 
 import functools
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Generic, TypeVar
+
+import msgspec
 
 from ce.checks import checked_problem
+from ce.codec import digest_of, from_bytes, to_bytes
 from ce.product import Product
-from ce.state import digest_of, from_bytes, to_bytes
+
+S = TypeVar("S", bound=msgspec.Struct)
 
 
 @dataclass(frozen=True)
-class Posed:
-    """p = P0(f(X) <= gamma), X from `base`, to be found with `options`; the algorithms derive from it."""
+class Estimator(Generic[S]):
+    """An algorithm for p = P0(f(X) <= gamma) whose states are of type S; the algorithms derive from it.
+
+    base: distribution P0 of X
+    gamma: threshold of the event, in the unit of f
+    options: of the algorithm's own kind
+    """
 
     base: Product
     gamma: float
     options: Any
 
     method: ClassVar[str]
-    state_kind: ClassVar[type]
+    state_type: ClassVar[type[msgspec.Struct]]
 
     def __post_init__(self) -> None:
         base, gamma = checked_problem(self.base, self.gamma)
@@ -30,9 +39,10 @@ class Posed:
         """Of the problem and the options: a state belongs to one digest."""
         return digest_of(self.base, self.method, self.gamma, self.options)
 
-    def to_bytes(self, state: Any) -> bytes:
+    def to_bytes(self, state: S) -> bytes:
+        """The state as MessagePack."""
         return to_bytes(state)
 
-    def from_bytes(self, data: bytes) -> Any:
+    def from_bytes(self, data: bytes) -> S:
         """The state that `to_bytes` wrote, for this base, gamma and options; StateError otherwise."""
-        return from_bytes(data, self.state_kind, self.digest)
+        return from_bytes(data, self.state_type, self.digest)  # type: ignore[return-value]
