@@ -3,7 +3,7 @@
 import msgspec
 
 
-class Warning(msgspec.Struct, frozen=True):
+class EstimateWarning(msgspec.Struct, frozen=True):
     """What bears on how far an estimate can be relied on, and what to do."""
 
     name: str

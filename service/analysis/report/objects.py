@@ -10,7 +10,7 @@ import msgspec
 from service.analysis.failures.objects import Failure, Modes
 from service.analysis.learned.objects import Learned
 from service.analysis.risk import Risk
-from service.analysis.told import Rollouts, Warning
+from service.analysis.told import EstimateWarning, Rollouts
 
 FORMAT = 2
 Number = float | None
@@ -196,7 +196,7 @@ class JobFacts(_Fact, frozen=True):
     converged: bool
     finished: bool
     progress: Progress
-    warnings: tuple[Warning, ...]
+    warnings: tuple[EstimateWarning, ...]
     trace: EstimateTrace
     curve: GammaCurve
     training: tuple[TrainingStep, ...]

@@ -79,7 +79,11 @@ class JobAnswers:
         """Options by name, type and size; what values mean is checked by ce."""
         kind = ce.OPTIONS[asked.method]
         known = [f.name for f in fields(kind) if f.name not in COMMON]
-        for name, value in asked.options.items():
+        try:
+            options = ce.present_options(asked.method, asked.options)
+        except TypeError as error:
+            raise ApiError("bad-body", f"options: {error}") from error
+        for name, value in options.items():
             where = f"options.{short(name)}"
             if name in COMMON:
                 raise ApiError(
@@ -97,7 +101,7 @@ class JobAnswers:
             if isinstance(value, int) and value > most:
                 raise _too_much(where, value, most)
         try:
-            msgspec.convert(asked.options, kind)
+            msgspec.convert(options, kind)
         except msgspec.ValidationError as error:
             raise ApiError("bad-body", f"options of method {asked.method}: {short(str(error))}") from error
 

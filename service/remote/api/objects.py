@@ -5,7 +5,7 @@ from typing import Any, Literal
 import msgspec
 
 from service.analysis.failures.playback import Playback
-from service.analysis.told import Rollouts, Warning
+from service.analysis.told import EstimateWarning, Rollouts
 
 STATUSES = ("running", "paused", "done", "cancelled", "failed")
 OVER = ("done", "cancelled", "failed")
@@ -161,7 +161,7 @@ class Estimate(_Body, frozen=True):
     efficiency_vs_naive: float | None
     variance_reliable: bool
     converged: bool
-    warnings: tuple[Warning, ...]
+    warnings: tuple[EstimateWarning, ...]
     scenario: str
     ego: str
     seed: int

@@ -47,7 +47,7 @@ def base_distribution(scenario: Scenario, drivers: DriverModel) -> ce.Product:
     blocks.append(ce.Normal(drivers.mu0, drivers.sigma0))
     names += [f"xi[{i}]" for i in range(HEAD_SIZE)]
     if scenario.drivers.noise == "searched":
-        blocks.append(ce.White(scenario.noise_values))
+        blocks.append(ce.StandardNormal(scenario.noise_values))
         names += [
             f"{vehicle.name}.{action}_noise[{k}]"
             for k in range(scenario.steps)

@@ -23,7 +23,7 @@ from service.analysis.comparison.objects import (
 )
 from service.analysis.failures.playback import Playback, RoadLine, Track
 from service.analysis.learned.objects import Behaviour, Learned, Parameter, Rate, Spread
-from service.analysis.told import Rollouts, Warning
+from service.analysis.told import EstimateWarning, Rollouts
 from service.front.dashboard.live import Live, Rates
 from service.front.dashboard.pages import compare, failures, fleet, job, jobs, learned, risk, rollout
 from service.front.dashboard.site import Part, Site
@@ -69,7 +69,7 @@ ESTIMATE = O.Estimate(
     efficiency_vs_naive=3.0,
     variance_reliable=True,
     converged=False,
-    warnings=(Warning(name="few-events", message=EVIL, remedy=EVIL),),
+    warnings=(EstimateWarning(name="few-events", message=EVIL, remedy=EVIL),),
     scenario="i80-10s",
     ego=EVIL,
     seed=1,
