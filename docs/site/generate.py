@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from docs.site import commands, decisions, objects
+from docs.site import architecture, commands, decisions, objects
 from docs.site.gather import ROOT
 
 
@@ -11,6 +11,8 @@ def pages() -> dict[str, str]:
     icon = ROOT / "service" / "front" / "dashboard" / "static" / "icon.svg"
     return {
         "docs/assets/icon.svg": icon.read_text(encoding="utf-8"),
+        "docs/architecture.svg": architecture.picture(),
+        "docs/reference/layers.md": f"# Layers\n\nEach imports only what stands below it.\n\n{architecture.table()}\n",
         "docs/reference/command-line.md": commands.page(),
         "deploy/decisions/README.md": decisions.index(),
         f"{objects.folder().relative_to(ROOT).as_posix()}/README.md": objects.page(),

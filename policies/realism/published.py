@@ -1,6 +1,6 @@
 """Figures published for drivers learned from NGSIM, the targets taken from them, and how they were made."""
 
-# DESIGN's targets for held-out vehicles of I-80 after 20 s: the best of the published GAIL families.
+# Targets for held-out vehicles of I-80 after 20 s: the best of the published GAIL families.
 TARGET_HORIZON_S = 20.0
 TARGETS = {
     "position_m": (12.8, "position, m"),

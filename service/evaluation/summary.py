@@ -15,7 +15,7 @@ SHAKY = {"no-rollouts", "no-events", "few-events", "dominant-weight", "heavy-tai
 
 
 def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost") -> dict[str, Any]:
-    """The object that `tailroad estimate --json` prints (DESIGN 13)."""
+    """The object that `tailroad estimate --json` prints."""
     low, high = estimate.ci
     return {
         "p": _number(estimate.p),
