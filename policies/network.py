@@ -80,12 +80,12 @@ def forward(
 
 @kernel
 def sample_action(
-    outputs: np.ndarray, action_scale: np.ndarray, noise_acceleration: float, noise_turn_rate: float
+    outputs: np.ndarray, action_scale: np.ndarray, acceleration_noise: float, turn_rate_noise: float
 ) -> tuple[float, float]:
     """Acceleration (m/s^2) and turn rate (rad/s) from a network's outputs and two standard normals."""
     spread_a = exp(min(max(np.float64(outputs[2]), LOG_STD_MIN), LOG_STD_MAX))
     spread_w = exp(min(max(np.float64(outputs[3]), LOG_STD_MIN), LOG_STD_MAX))
     return (
-        action_scale[0] * (np.float64(outputs[0]) + spread_a * noise_acceleration),
-        action_scale[1] * (np.float64(outputs[1]) + spread_w * noise_turn_rate),
+        action_scale[0] * (np.float64(outputs[0]) + spread_a * acceleration_noise),
+        action_scale[1] * (np.float64(outputs[1]) + spread_w * turn_rate_noise),
     )

@@ -46,8 +46,8 @@ def exposure_of(
     if path is not None:
         with contextlib.suppress(OSError, msgspec.MsgspecError, ValueError, RecursionError):
             return msgspec.json.decode(path.read_bytes(), type=Exposure)
-    x, noise = ce.draw(base, STREAM, "estimate", 0, 0, ROLLOUTS)
-    found = _mean(rerunner.run(list(zip(x, noise.tolist(), strict=True))), confidence)
+    x, noise_seeds = ce.draw(base, STREAM, "estimate", 0, 0, ROLLOUTS)
+    found = _mean(rerunner.run(list(zip(x, noise_seeds.tolist(), strict=True))), confidence)
     if path is not None and found is not None:
         with contextlib.suppress(OSError):  # a folder that cannot be written to goes without
             path.write_bytes(msgspec.json.encode(found))

@@ -89,10 +89,10 @@ class _Recorder:
             self.actions.append(action)
 
 
-def record(problem: Problem, simulator: Simulator, x: np.ndarray, noise: int) -> Trace:
+def record(problem: Problem, simulator: Simulator, x: np.ndarray, noise_seed: int) -> Trace:
     """Run the rollout of x (d,) and its noise seed once more, and record it."""
     recorder = _Recorder()
-    rollout = simulator.run(x, noise, recorder)
+    rollout = simulator.run(x, noise_seed, recorder)
     measured = simulator.measured() if rollout.error is None else np.full(len(recorder.ttc_s), np.nan)
     scenario = problem.job.scenario
     return Trace(

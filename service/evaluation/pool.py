@@ -31,7 +31,7 @@ OUTCOME_NAMES = {code: name for name, code in OUTCOME_CODES.items()}
 class RolloutWorld(Protocol):
     """What runs rollouts: `service.world.sim.rollout.Simulator`, or another that gives the same bits."""
 
-    def run(self, x: np.ndarray, noise: int) -> Rollout: ...
+    def run(self, x: np.ndarray, noise_seed: int) -> Rollout: ...
 
 
 OpenWorld = Callable[[Job], RolloutWorld]  # called in each worker process; a function at a module's top level
@@ -51,16 +51,16 @@ class Work:
 
     start: int
     x: np.ndarray
-    noise: np.ndarray
+    noise_seeds: np.ndarray
 
     def row(self, index: int) -> "Work":
-        return Work(self.start + index, self.x[index : index + 1], self.noise[index : index + 1])
+        return Work(self.start + index, self.x[index : index + 1], self.noise_seeds[index : index + 1])
 
 
 def run_chunk(simulator: RolloutWorld, work: Work) -> Chunk:
     """Run a chunk's rollouts in this process."""
     began = time.perf_counter()
-    rollouts = [simulator.run(x, int(seed)) for x, seed in zip(work.x, work.noise, strict=True)]
+    rollouts = [simulator.run(x, int(seed)) for x, seed in zip(work.x, work.noise_seeds, strict=True)]
     return Chunk(
         work.start,
         work.start + len(rollouts),
@@ -183,8 +183,8 @@ class LocalPool:
             return self._executor.submit(_work, work).result()
         except BrokenProcessPool:
             self._restart()
-        if len(work.noise) > 1:
-            return _joined([self._run_alone(work.row(i)) for i in range(len(work.noise))])
+        if len(work.noise_seeds) > 1:
+            return _joined([self._run_alone(work.row(i)) for i in range(len(work.noise_seeds))])
         reason = "the worker process died during this rollout, each time it was tried"
         return Chunk(
             work.start,

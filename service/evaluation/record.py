@@ -25,13 +25,13 @@ class _EndOfRecord(Exception):
 
 
 @dataclass(frozen=True)
-class Failure:
+class FailedRollout:
     """A rollout that ended in an error: row `row` of the batch stream (phase, iteration)."""
 
     phase: str
     iteration: int
     row: int
-    noise: int  # its noise seed
+    noise_seed: int  # its noise seed
     reason: str
 
 
@@ -89,8 +89,12 @@ class JobRecord:
         for (iteration, _), rows in blocks.items():
             proposal = self.problem.base.with_parameters(self.parameters[phase, iteration])
             first = min(rows)
-            x, noise = ce.draw(proposal, self.problem.stream_seed, phase, iteration, first, max(rows) + 1)
-            found |= {(iteration, row): (x[row - first].copy(), int(noise[row - first])) for row in rows}
+            x, noise_seeds = ce.draw(
+                proposal, self.problem.stream_seed, phase, iteration, first, max(rows) + 1
+            )
+            found |= {
+                (iteration, row): (x[row - first].copy(), int(noise_seeds[row - first])) for row in rows
+            }
         return [found[key] for key in keys]
 
     @cached_property
@@ -101,10 +105,10 @@ class JobRecord:
             return None
         return self.problem.base.with_parameters(self.parameters[key])
 
-    def failures(self, limit: int) -> list[Failure]:
+    def failures(self, limit: int) -> list[FailedRollout]:
         """The first failed rollouts, with the noise seeds that bring them back."""
         return [
-            Failure(phase, k, row, self.redraw(phase, k, row)[1], reason)
+            FailedRollout(phase, k, row, self.redraw(phase, k, row)[1], reason)
             for phase, k, row, reason in self.errors[:limit]
         ]
 

@@ -49,10 +49,10 @@ def speed(scenario: Scenario, ego: str, rollouts: int, rounds: int = 5) -> dict[
     `x_realtime_of_processor` counts the time that this process was given: what a core to itself would do.
     """
     problem = Problem(make_job(scenario, ego, 0.0, "naive", 1, {}))
-    x, noise = _draws(problem, rollouts)
+    x, noise_seeds = _draws(problem, rollouts)
     with problem.simulator() as simulator:
         recordings = []
-        for row, seed in zip(x, noise, strict=True):
+        for row, seed in zip(x, noise_seeds, strict=True):
             poses = _Poses()
             simulator.run(row, int(seed), poses)
             recordings.append(poses.steps)
@@ -60,7 +60,7 @@ def speed(scenario: Scenario, ego: str, rollouts: int, rounds: int = 5) -> dict[
         steps = sum(len(r) - 1 for r in recordings)
         for _ in range(rounds):
             began, worked = time.perf_counter(), time.process_time()
-            for row, seed in zip(x, noise, strict=True):
+            for row, seed in zip(x, noise_seeds, strict=True):
                 simulator.run(row, int(seed))
             full.append(time.perf_counter() - began)
             busy.append(time.process_time() - worked)
@@ -88,10 +88,10 @@ def speed(scenario: Scenario, ego: str, rollouts: int, rounds: int = 5) -> dict[
 def parts(scenario: Scenario, ego: str, measured: dict[str, float]) -> dict[str, float]:
     """Time of a step by part in us: SUMO from the bare loop, the kernels timed alone, and the rest."""
     problem = Problem(make_job(scenario, ego, 0.0, "naive", 1, {}))
-    x, noise = _draws(problem, 1)
+    x, noise_seeds = _draws(problem, 1)
     with problem.simulator() as simulator:
         recorder = _Poses()
-        simulator.run(x[0], int(noise[0]), recorder)
+        simulator.run(x[0], int(noise_seeds[0]), recorder)
         world, camera = simulator._world, simulator._camera
     agents, observations = recorder.states[0] if recorder.states else (world.agents, world.observations)
     road, net = world.road, problem.drivers
@@ -155,11 +155,13 @@ def scaling(scenario: Scenario, ego: str, rollouts: int, counts: list[int]) -> l
     problem = Problem(job)
     rows: list[dict[str, float]] = []
     for workers in counts:
-        x, noise = _draws(problem, rollouts * workers)
+        x, noise_seeds = _draws(problem, rollouts * workers)
         size = 50
-        chunks = [Work(i, x[i : i + size], noise[i : i + size]) for i in range(0, len(x), size)]
+        chunks = [Work(i, x[i : i + size], noise_seeds[i : i + size]) for i in range(0, len(x), size)]
         with LocalPool(job, workers) as pool:
-            for _ in pool.run([Work(0, x[:10], noise[:10])] * (4 * workers)):  # all workers up and compiled
+            for _ in pool.run(
+                [Work(0, x[:10], noise_seeds[:10])] * (4 * workers)
+            ):  # all workers up and compiled
                 pass
             began = time.perf_counter()
             for _ in pool.run(chunks):
@@ -173,15 +175,15 @@ def scaling(scenario: Scenario, ego: str, rollouts: int, counts: list[int]) -> l
 def memory(scenario: Scenario, ego: str, rollouts: int) -> dict[str, float]:
     """Resident memory (MB) of one worker after a first 200 rollouts and after `rollouts`."""
     job = make_job(scenario, ego, 0.0, "naive", 1, {})
-    x, noise = _draws(Problem(job), min(rollouts, 1000))
+    x, noise_seeds = _draws(Problem(job), min(rollouts, 1000))
     with LocalPool(job, 1) as pool:
-        for _ in pool.run([Work(0, x[:200], noise[:200])]):
+        for _ in pool.run([Work(0, x[:200], noise_seeds[:200])]):
             pass
         (pid,) = pool.pids()
         before = _resident_mb(pid)
         done = 200
         while done < rollouts:
-            for _ in pool.run([Work(0, x[:200], noise[:200])]):
+            for _ in pool.run([Work(0, x[:200], noise_seeds[:200])]):
                 pass
             done += 200
         return {"rollouts": done, "after_200_mb": before, "after_all_mb": _resident_mb(pid)}

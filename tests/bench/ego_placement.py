@@ -63,13 +63,13 @@ def _free_address() -> str:
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
-def _measure(pools: dict[str, LocalPool], x: np.ndarray, noise: np.ndarray, rounds: int) -> dict:
+def _measure(pools: dict[str, LocalPool], x: np.ndarray, noise_seeds: np.ndarray, rounds: int) -> dict:
     """Rollouts a second of each pool, the median and the range of rounds taken in turns; the median of each round's
     ratio to INSIDE, as all of a round share what the machine was like; and whether all gave the same f.
 
     Pictures by way of JPEG may give another f.
     """
-    work = [Work(i, x[i : i + CHUNK], noise[i : i + CHUNK]) for i in range(0, len(x), CHUNK)]
+    work = [Work(i, x[i : i + CHUNK], noise_seeds[i : i + CHUNK]) for i in range(0, len(x), CHUNK)]
     rates: dict[str, list[float]] = {name: [] for name in pools}
     found: dict[str, bytes] = {}
     for number in range(rounds + 1):  # the first round warms up
@@ -110,7 +110,7 @@ def compare(scenario: str, ego: str, rollouts: int, rounds: int, counts: list[in
     """A row for each number of workers."""
     loaded = load_scenario(scenario)
     looks = bool(getattr(load_ego(ego), "wants_camera", False))
-    x, noise = ce.draw(
+    x, noise_seeds = ce.draw(
         Problem(make_job(loaded, ego, 0.0, "naive", 1, {})).base, 1, "estimate", 0, 0, rollouts
     )
     cameras = sorted({way.camera for way in ways(looks).values() if way.service})
@@ -136,9 +136,11 @@ def compare(scenario: str, ego: str, rollouts: int, rounds: int, counts: list[in
                     job = make_job(loaded, f"zenoh:{ego}" if way.service else ego, 0.0, "naive", 1, {})
                     made[name] = pools.enter_context(LocalPool(job, workers))
                     made[name].warm_up()
-                    for _ in made[name].run([Work(0, x[:1], noise[:1])] * (4 * workers)):  # all are started
+                    for _ in made[name].run(
+                        [Work(0, x[:1], noise_seeds[:1])] * (4 * workers)
+                    ):  # all are started
                         pass
-                rows.append({"workers": workers, **_measure(made, x, noise, rounds)})
+                rows.append({"workers": workers, **_measure(made, x, noise_seeds, rounds)})
     return rows
 
 

@@ -147,8 +147,8 @@ def efficiency(rollouts: int = 4000) -> dict:
     are busy, which they hardly change either."""
     cores = len(os.sched_getaffinity(0))
     job = make_job(load_scenario("i80-10s"), "lidar", 0.5, "naive", 1, {"budget": rollouts})
-    x, noise = ce.draw(Problem(job).base, 1, "estimate", 0, 0, rollouts)
-    works = [Work(i, x[i : i + 100], noise[i : i + 100]) for i in range(0, rollouts, 100)]
+    x, noise_seeds = ce.draw(Problem(job).base, 1, "estimate", 0, 0, rollouts)
+    works = [Work(i, x[i : i + 100], noise_seeds[i : i + 100]) for i in range(0, rollouts, 100)]
     with LocalPool(job, cores) as pool:
         for _ in pool.run(works[: 2 * cores]):  # every process is warm
             pass

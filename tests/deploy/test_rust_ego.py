@@ -42,9 +42,9 @@ def test_the_rust_ego_drives_like_the_driver_it_implements(make_scenario, addres
         Path(target.stdout.split('"target_directory":"')[1].split('"')[0]) / "release/tailroad-example-ego"
     )
     problem = Problem(make_job(make_scenario(), "idm", 0.5, "naive", 1, {}))
-    x, noise = ce.draw(problem.base, 1, "estimate", 0, 0, 5)
+    x, noise_seeds = ce.draw(problem.base, 1, "estimate", 0, 0, 5)
     with problem.simulator() as simulator:
-        expected = [simulator.run(row, int(seed)) for row, seed in zip(x, noise, strict=True)]
+        expected = [simulator.run(row, int(seed)) for row, seed in zip(x, noise_seeds, strict=True)]
     with subprocess.Popen([program, "rust", address], stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
@@ -52,8 +52,8 @@ def test_the_rust_ego_drives_like_the_driver_it_implements(make_scenario, addres
             settings = EgoSettings(address=address, deadline_s=60.0, patience_s=60.0)
             ego = open_ego("zenoh:rust", problem.job.scenario, problem.corridor, settings)
             with Simulator(problem.job.scenario, problem.corridor, problem.drivers, ego) as simulator:
-                found = [simulator.run(row, int(seed)) for row, seed in zip(x, noise, strict=True)]
-                again = [simulator.run(row, int(seed)) for row, seed in zip(x, noise, strict=True)]
+                found = [simulator.run(row, int(seed)) for row, seed in zip(x, noise_seeds, strict=True)]
+                again = [simulator.run(row, int(seed)) for row, seed in zip(x, noise_seeds, strict=True)]
         finally:
             process.kill()
     assert [r.error for r in found] == [None] * 5

@@ -33,7 +33,7 @@ class Exports:
 
 
 def write_exports(
-    problem: Problem, x: np.ndarray, noise: int, title: str, files: Exports, camera: bool = True
+    problem: Problem, x: np.ndarray, noise_seed: int, title: str, files: Exports, camera: bool = True
 ) -> Again:
     """Run the rollout of x (d,) and its noise seed again and write the files; what it came to.
 
@@ -41,11 +41,11 @@ def write_exports(
     Raises SimulationError where the rollout fails.
     """
     with problem.simulator(fcd=files.fcd) as simulator:
-        again = look(problem, simulator, x, noise)
+        again = look(problem, simulator, x, noise_seed)
     trace = again.trace
     if trace is None:
         raise SimulationError(f"the rollout failed: {again.error}")
-    text = scenario_text(problem, x, noise, again.f, title)
+    text = scenario_text(problem, x, noise_seed, again.f, title)
     if files.scenario is not None:
         files.scenario.write_text(text, encoding="utf-8")
     if files.table is not None:
@@ -56,6 +56,6 @@ def write_exports(
     if files.mp4 is not None:
         from service.analysis.video import EgoView, write_video
 
-        view = EgoView(problem.job.scenario, problem.corridor, x, noise) if camera else None
+        view = EgoView(problem.job.scenario, problem.corridor, x, noise_seed) if camera else None
         write_video(trace, problem.corridor, files.mp4, title, view)
     return again

@@ -140,13 +140,13 @@ def _ready() -> None:
 def _run(drawn: Sequence[Draw], traced: Sequence[bool]) -> list[Again]:
     assert _problem is not None
     assert _simulator is not None
-    found = [look(_problem, _simulator, x, noise) for x, noise in drawn]
+    found = [look(_problem, _simulator, x, noise_seed) for x, noise_seed in drawn]
     return [again if keep else replace(again, trace=None) for again, keep in zip(found, traced, strict=True)]
 
 
-def look(problem: Problem, simulator: Simulator, x: np.ndarray, noise: int) -> Again:
+def look(problem: Problem, simulator: Simulator, x: np.ndarray, noise_seed: int) -> Again:
     """One rollout, looked at in this process."""
-    trace = record(problem, simulator, x, noise)
+    trace = record(problem, simulator, x, noise_seed)
     result = trace.rollout
     if result.error is not None:
         return Again(result.f, result.outcome, result.error)

@@ -7,11 +7,14 @@ from service.evaluation.job import Problem
 from service.world.scenario.fixed import fixed_of, toml_of
 
 
-def scenario_text(problem: Problem, x: np.ndarray, noise: int, f: float, title: str) -> str:
+def scenario_text(problem: Problem, x: np.ndarray, noise_seed: int, f: float, title: str) -> str:
     """The text of a scenario file that holds the rollout of x (d,) and its noise seed; f: what it came to, in s."""
     job = problem.job
     fixed = msgspec.structs.replace(
-        fixed_of(job.scenario, problem.base, x, noise), ego=job.ego, f=f, weights_sha256=job.weights_sha256
+        fixed_of(job.scenario, problem.base, x, noise_seed),
+        ego=job.ego,
+        f=f,
+        weights_sha256=job.weights_sha256,
     )
     comment = (
         f"{title}\n"

@@ -24,14 +24,14 @@ from service.world.scenario.base import PER_VEHICLE
 def failure_told(events: Events, i: int, again: Again, rank: int, mode: str | None = None) -> Failure:
     """The rollout at position i of the events; mode: None where it was not grouped with others."""
     record = events.record
-    ((x, noise),) = events.drawn([i])
+    ((x, noise_seed),) = events.drawn([i])
     vehicles = record.job.scenario.vehicles
     f = float(events.f[i])
     return Failure(
         rank=rank,
         iteration=int(events.iterations[i]),
         row=int(events.rows[i]),
-        noise_seed=str(noise),
+        noise_seed=str(noise_seed),
         f=f,
         f_again=None if again.error else again.f,
         same_to_the_bit=same_bits(again.f, f),

@@ -54,8 +54,8 @@ def _summary(parameters: list[Parameter]) -> list[str]:
 
 
 def _from_base(record: JobRecord, count: int) -> list[Draw]:
-    x, noise = ce.draw(record.problem.base, STREAM, "estimate", 0, 0, count)
-    return list(zip(x, noise.tolist(), strict=True))
+    x, noise_seeds = ce.draw(record.problem.base, STREAM, "estimate", 0, 0, count)
+    return list(zip(x, noise_seeds.tolist(), strict=True))
 
 
 def _from_search(
@@ -63,8 +63,8 @@ def _from_search(
 ) -> tuple[list[Draw], np.ndarray]:
     """Draws of the proposal, or the dangerous rollouts, with their weights."""
     if proposal is not None:
-        x, noise = ce.draw(proposal, STREAM, "estimate", 1, 0, count)
-        return list(zip(x, noise.tolist(), strict=True)), np.ones(count)
+        x, noise_seeds = ce.draw(proposal, STREAM, "estimate", 1, 0, count)
+        return list(zip(x, noise_seeds.tolist(), strict=True)), np.ones(count)
     n = min(len(events), count)
     if events.phase == CHAINS:
         at = np.unique(np.linspace(0, len(events) - 1, n).round().astype(np.int64)) if n else np.arange(0)

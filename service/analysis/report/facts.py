@@ -24,9 +24,10 @@ from service.analysis.report.objects import FORMAT, Report
 from service.analysis.risk import POLICE_REPORTED, Baseline, event_of, rate_of
 from service.analysis.thresholds import curve_gammas
 from service.evaluation.job import Job
-from service.evaluation.record import JobRecord
+from service.evaluation.record import FailedRollout, JobRecord
 from service.evaluation.summary import Cost, comparisons, json_ready, summary_of, variance_reliable
 from service.world.scenario.measures import measure_kind
+from service.world.scenario.renamed import to_written
 
 FAILURES_LISTED = 20
 PACKAGES = ("tailroad", "libsumo", "numpy", "scipy", "numba", "cvxpy")
@@ -73,10 +74,11 @@ def facts_of(
             "step_s": first.scenario.time.step_s,
             "vehicles": len(first.scenario.vehicles),
             "drivers": first.scenario.drivers.weights,
-            "noise": first.scenario.drivers.noise,
+            "noise_mode": first.scenario.drivers.noise_mode,
+            "noise": first.scenario.drivers.noise_mode,
             "dimension": records[0].problem.base.dim,
             "drivers_sha256": first.weights_sha256,
-            "file": msgspec.to_builtins(first.scenario),
+            "file": to_written(msgspec.to_builtins(first.scenario)),
         },
         "jobs": jobs,
         "risk": _risk(headline, first, seen.exposure, baseline),
@@ -147,10 +149,15 @@ def _job(record: JobRecord, against_naive: dict[str, Any] | None, gammas: np.nda
         "outcomes": {phase: dict(sorted(ended.items())) for phase, ended in sorted(record.outcomes.items())},
         "failures": {
             "total": len(record.errors),
-            "listed": [asdict(f) | {"noise": str(f.noise)} for f in record.failures(FAILURES_LISTED)],
+            "listed": [_failed(f) for f in record.failures(FAILURES_LISTED)],
         },
         "driver_shift": _driver_shift(record),
     }
+
+
+def _failed(failure: FailedRollout) -> dict[str, Any]:
+    seed = str(failure.noise_seed)
+    return asdict(failure) | {"noise_seed": seed, "noise": seed}
 
 
 def starts_learned(record: JobRecord) -> Learned:

@@ -50,10 +50,11 @@ class ScenarioFacts(_Fact, frozen=True):
     step_s: float
     vehicles: int
     drivers: str
-    noise: str
+    noise: str  # noise_mode by its old name
     dimension: int
     drivers_sha256: str
     file: dict[str, Any]
+    noise_mode: str = ""
 
 
 class Progress(_Fact, frozen=True):
@@ -135,8 +136,9 @@ class FailedRollout(_Fact, frozen=True):
     phase: str
     iteration: int
     row: int
-    noise: str
+    noise: str  # noise_seed by its old name
     reason: str
+    noise_seed: str = ""
 
 
 class FailedRollouts(_Fact, frozen=True):

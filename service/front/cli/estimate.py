@@ -28,7 +28,7 @@ from service.front.cli.options import (
     finite,
     json_option,
     measure_option,
-    noise_option,
+    noise_mode_option,
     seed_option,
     workers_option,
 )
@@ -37,7 +37,7 @@ from service.world.egos.open import check_ego, meet_ego
 from service.world.safety.measure import with_measure
 from service.world.scenario import load_scenario
 from service.world.scenario.check import check_road
-from service.world.scenario.noise import Noise, with_noise
+from service.world.scenario.noise_mode import NoiseMode, with_noise_mode
 
 NOT_PRECISE = 3
 
@@ -52,7 +52,7 @@ NOT_PRECISE = 3
     help="The event is f <= GAMMA, in the measure's unit; required for a new run.",
 )
 @measure_option()
-@noise_option()
+@noise_mode_option()
 @click.option("--method", "methods", multiple=True, type=click.Choice(ce.METHODS), help="Once for each method wanted; "
               "several are compared.  [default: ce]")  # fmt: skip
 @click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True,
@@ -91,7 +91,7 @@ def command(
     ego: str,
     gamma: float | None,
     measure: str | None,
-    noise: Noise | None,
+    noise_mode: NoiseMode | None,
     methods: tuple[str, ...],
     budget: int,
     rel_error: float | None,
@@ -137,7 +137,7 @@ def command(
         loaded = load_scenario(name)
         if measure is not None:
             loaded = with_measure(loaded, measure)
-        loaded = with_noise(loaded, noise, name)
+        loaded = with_noise_mode(loaded, noise_mode, name)
         corridor = check_road(loaded, name)
         jobs = []
         for method in dict.fromkeys(methods or ("ce",)):

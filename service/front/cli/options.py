@@ -1,5 +1,6 @@
 """Options that several commands share."""
 
+import functools
 import os
 from collections.abc import Callable
 from typing import Any
@@ -30,13 +31,42 @@ def measure_option() -> Callable:
     )
 
 
-def noise_option() -> Callable:
-    return click.option(
-        "--noise",
-        type=click.Choice(("drawn", "frozen", "searched")),
+NOISE_MODES = click.Choice(("drawn", "frozen", "searched"))
+
+
+def noise_mode_option() -> Callable[[Callable], Callable]:
+    """`--noise-mode`, and its old name `--noise`; the command gets `noise_mode`."""
+    given = click.option(
+        "--noise-mode",
+        type=NOISE_MODES,
         help="The drivers' action noise, in place of the scenario's: a stream for each rollout, one for all, or a part "
         "of X that the method may move (for splitting).",
     )
+
+    def decorate(command: Callable) -> Callable:
+        return given(renamed_option("--noise", "--noise-mode", NOISE_MODES)(command))
+
+    return decorate
+
+
+def renamed_option(old: str, new: str, kind: click.ParamType) -> Callable[[Callable], Callable]:
+    """An option's old name: hidden, with a line of notice where it is given; what it says counts for the new one."""
+    hidden, name = (option.lstrip("-").replace("-", "_") for option in (old, new))
+
+    def decorate(command: Callable) -> Callable:
+        @functools.wraps(command)
+        def renamed(*args: Any, **values: Any) -> Any:
+            given = values.pop(hidden)
+            if given is not None:
+                if values[name] is not None:
+                    raise InputError(f"{old} is the old name of {new}; give one of them")
+                click.echo(f"{old} is called {new} now; the old name still works", err=True)
+                values[name] = given
+            return command(*args, **values)
+
+        return click.option(old, type=kind, hidden=True)(renamed)
+
+    return decorate
 
 
 def json_option() -> Callable:

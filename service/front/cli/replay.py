@@ -60,10 +60,10 @@ def command(
     if rank > len(events):
         raise InputError(f"rank {rank}: {run} has {len(events)} dangerous rollouts by {record.job.method}")
     position = int(events.ranking(order)[rank - 1])
-    ((x, noise),) = events.drawn([position])
+    ((x, noise_seed),) = events.drawn([position])
     title = f"{run.name}, rank {rank} by {order}"
     exports = Exports(scenario=scenario_file, fcd=fcd, mp4=video, mcap=recording, table=table)
-    again = write_exports(record.problem, x, noise, title, exports)
+    again = write_exports(record.problem, x, noise_seed, title, exports)
     failure = failure_told(events, position, again, rank)
     if as_json:
         click.echo(msgspec.json.format(msgspec.json.encode(failure), indent=2).decode())

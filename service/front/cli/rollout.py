@@ -62,11 +62,11 @@ def command(
     problem = Problem(make_job(released(loaded), ego, gamma=0.0, method="naive", seed=seed, options={}))
     if fixed is None:
         drawn, seeds = ce.draw(problem.base, seed, "estimate", 0, 0, 1)
-        x, noise = drawn[0], int(seeds[0])
+        x, noise_seed = drawn[0], int(seeds[0])
     else:
-        x, noise = fixed_draw(problem.base, fixed, problem.job.weights_sha256, scenario)
+        x, noise_seed = fixed_draw(problem.base, fixed, problem.job.weights_sha256, scenario)
     with problem.simulator(fcd=fcd, gui=sumo_gui) as simulator:
-        trace = record(problem, simulator, x, noise)
+        trace = record(problem, simulator, x, noise_seed)
     result = trace.rollout
     if result.error is not None:
         raise SimulationError(
@@ -77,7 +77,7 @@ def command(
     if video is not None or frames is not None:
         from service.analysis.video import EgoView, write_frames, write_video
 
-        view = EgoView(problem.job.scenario, problem.corridor, x, noise)
+        view = EgoView(problem.job.scenario, problem.corridor, x, noise_seed)
         title = f"{scenario}, ego {ego}, seed {seed}"
         if video is not None:
             write_video(trace, problem.corridor, video, title, view)

@@ -13,6 +13,7 @@ from service.world.safety.measure import open_monitor
 from service.world.scenario.base import PER_VEHICLE, base_distribution
 from service.world.scenario.check import check_road
 from service.world.scenario.load import FOLDER, built_in_names, load_scenario
+from service.world.scenario.renamed import to_written
 
 
 @click.group()
@@ -41,7 +42,11 @@ def show(scenario: str, as_json: bool) -> None:
     """Print a scenario's file."""
     loaded = load_scenario(scenario)
     if as_json:
-        click.echo(msgspec.json.format(msgspec.json.encode(loaded), indent=2).decode())
+        click.echo(
+            msgspec.json.format(
+                msgspec.json.encode(to_written(msgspec.to_builtins(loaded))), indent=2
+            ).decode()
+        )
         return
     path = FOLDER / f"{scenario}.toml" if scenario in built_in_names() else Path(scenario)
     click.echo(path.read_text(encoding="utf-8"), nl=False)

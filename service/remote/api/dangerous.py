@@ -65,9 +65,11 @@ class DangerousAnswers:
         def compute() -> File:
             record = self._records.record(state)
             phase, iteration, _ = self._recorded(state, record, asked, number)
-            x, noise = record.redraw(phase, iteration, number)
+            x, noise_seed = record.redraw(phase, iteration, number)
             title = _title(job, phase, iteration, number)
-            return File(FORMATS[asked.format][0], export_bytes(record.job, x, noise, title, asked.format))
+            return File(
+                FORMATS[asked.format][0], export_bytes(record.job, x, noise_seed, title, asked.format)
+            )
 
         return self._background.get(("export", state, asked, number), compute)
 
@@ -96,10 +98,10 @@ class DangerousAnswers:
     def _rollout(self, state: State, asked: AskRollout, row: int) -> RolloutView:
         job, record = state[0], self._records.record(state)
         phase, iteration, f = self._recorded(state, record, asked, row)
-        x, noise = record.redraw(phase, iteration, row)
+        x, noise_seed = record.redraw(phase, iteration, row)
         looked_at = asked.trace or asked.playback or asked.camera
         with self._reruns.of(record.job) as runner:
-            (again,) = runner.run([(x, noise)], [0] if looked_at else ())
+            (again,) = runner.run([(x, noise_seed)], [0] if looked_at else ())
         same = np.float64(again.f).tobytes() == np.float64(f).tobytes() or (np.isnan(again.f) and np.isnan(f))
         title = _title(job, phase, iteration, row)
         trace = again.trace
@@ -108,7 +110,7 @@ class DangerousAnswers:
             phase=phase,
             iteration=iteration,
             row=row,
-            noise_seed=str(noise),
+            noise_seed=str(noise_seed),
             f=finite(f),
             f_again=finite(float(again.f)),
             same_to_the_bit=bool(same),
@@ -116,18 +118,18 @@ class DangerousAnswers:
             outcome=again.outcome,
             error=again.error,
             motion=None if again.motion is None else finite(msgspec.to_builtins(again.motion)),
-            scenario=scenario_text(record.problem, x, noise, again.f, title),
+            scenario=scenario_text(record.problem, x, noise_seed, again.f, title),
             trace=_columns(trace) if asked.trace and trace is not None else None,
             playback=_playback(record, again) if asked.playback else None,
-            camera=self._camera(record, again, x, noise, asked.camera) if asked.camera else None,
+            camera=self._camera(record, again, x, noise_seed, asked.camera) if asked.camera else None,
         )
 
     def _camera(
-        self, record: JobRecord, again: Again, x: np.ndarray, noise: int, count: int
+        self, record: JobRecord, again: Again, x: np.ndarray, noise_seed: int, count: int
     ) -> tuple[CameraPicture, ...] | None:
         if again.trace is None:
             return None
-        view = EgoView(record.job.scenario, record.problem.corridor, x, noise)
+        view = EgoView(record.job.scenario, record.problem.corridor, x, noise_seed)
         time_s = again.trace.time_s
         return tuple(
             CameraPicture(state=k, time_s=float(time_s[k]), jpeg=base64.b64encode(jpeg).decode("ascii"))

@@ -111,7 +111,7 @@ class Explicit(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="exp
     """The rows themselves: x (n, d) float64 and noise seeds (n,) uint64."""
 
     x: bytes
-    noise: bytes
+    noise_seeds: bytes
 
 
 class Lease(_Message, frozen=True, tag="lease"):

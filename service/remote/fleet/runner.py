@@ -133,14 +133,14 @@ class _Bench:
         assert self._simulator is not None
         base, n = self._problem.base, key.stop - key.start
         if isinstance(lease.rows, Drawn):
-            x, noise = self._stream(key, lease.rows).draw(key.start, key.stop)
+            x, noise_seeds = self._stream(key, lease.rows).draw(key.start, key.stop)
         else:
             x = array_of(lease.rows.x, "<f8", n * base.dim).reshape(n, base.dim).astype(np.float64)
-            noise = array_of(lease.rows.noise, "<u8", n).astype(np.uint64)
-        if rows_digest(row_hashes(x, noise)) != key.digest:
+            noise_seeds = array_of(lease.rows.noise_seeds, "<u8", n).astype(np.uint64)
+        if rows_digest(row_hashes(x, noise_seeds)) != key.digest:
             reason = "the random draws of this machine are not the scheduler's"
             return Failed(self._worker, lease.lease, key, reason, explicit=True)
-        chunk = run_chunk(self._simulator, Work(key.start, x, noise))
+        chunk = run_chunk(self._simulator, Work(key.start, x, noise_seeds))
         return answer_of(self._worker, lease.lease, key, chunk)
 
     def _stream(self, key: ChunkKey, rows: Drawn) -> ce.Stream:

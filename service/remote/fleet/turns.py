@@ -39,7 +39,7 @@ class Turn:
         return rows_digest(self.hashes[start - self.batch.start : stop - self.batch.start])
 
 
-def row_hashes(x: np.ndarray, noise: np.ndarray) -> np.ndarray:
+def row_hashes(x: np.ndarray, noise_seeds: np.ndarray) -> np.ndarray:
     """A 64-bit number for each row of x (n, d) and noise seed (n,), that differs where a bit differs.
 
     Against accidents, not against forgers.
@@ -48,12 +48,12 @@ def row_hashes(x: np.ndarray, noise: np.ndarray) -> np.ndarray:
         np.random.Generator(np.random.Philox(x.shape[1])).bit_generator.random_raw(x.shape[1] + 1) | 1
     )
     words = np.ascontiguousarray(x, dtype="<f8").view(np.uint64)
-    sums = np.empty(len(noise), dtype=np.uint64)
-    for first in range(0, len(noise), 256):  # a few rows at a time stay in the cache
+    sums = np.empty(len(noise_seeds), dtype=np.uint64)
+    for first in range(0, len(noise_seeds), 256):  # a few rows at a time stay in the cache
         part = slice(first, first + 256)
         mixed = words[part] ^ (words[part] >> np.uint64(32))
         sums[part] = (mixed * multipliers[:-1]).sum(axis=1, dtype=np.uint64)
-    return sums + noise.astype(np.uint64) * multipliers[-1]
+    return sums + noise_seeds.astype(np.uint64) * multipliers[-1]
 
 
 def rows_digest(hashes: np.ndarray) -> str:

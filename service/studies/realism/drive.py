@@ -45,14 +45,15 @@ class Model:
 
 @kernel
 def drive(
-    kind, agents, controlled, steps, w1, b1, w2, b2, head, action_scale, p, last_lane, noise, chance, reference,
+    kind, agents, controlled, steps, w1, b1, w2, b2, head, action_scale, p, last_lane, action_noise, chance, reference,
     lanes, spacing_m, beams, replay, out,
 ):  # fmt: skip
     """Drive the first `controlled` rows of `agents` for `steps` of 0.1 s; the rest follow `replay`.
 
-    noise: (steps, controlled, 2) normals; chance: (steps, controlled, 2) uniforms; replay: (steps + 1, rows, 6) x, y,
-    heading, speed, station m, lane, NaN where absent; out: (steps + 1, controlled, 5) station, offset, speed,
-    acceleration, turn rate.
+    action_noise: (steps, controlled, 2) standard normals
+    chance: (steps, controlled, 2) uniforms
+    replay: (steps + 1, rows, 6) x, y, heading, speed, station m, lane; NaN where absent
+    out: (steps + 1, controlled, 5) station, offset, speed, acceleration, turn rate
     """
     count = agents.shape[0]
     seen = np.zeros((controlled, layout.OBSERVATION_SIZE))
@@ -91,7 +92,7 @@ def drive(
                 w = 0.0
             elif kind == NETWORK:
                 forward(seen[i], w1, b1, w2, b2, head, outputs)
-                a, w = sample_action(outputs, action_scale, noise[t, i, 0], noise[t, i, 1])
+                a, w = sample_action(outputs, action_scale, action_noise[t, i, 0], action_noise[t, i, 1])
             elif kind == IDM_MOBIL:
                 a, w = idm_mobil_step(
                     p, agent, i, station, lane, speed, length, present, last_lane, wanted, chance[t, i], lanes,

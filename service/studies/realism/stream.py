@@ -91,7 +91,7 @@ def demand(data: Path) -> Demand | None:
 
 @kernel
 def stream_step(
-    kind, agents, w1, b1, w2, b2, head, action_scale, p, noise, chance, reference, lanes, spacing_m, beams,
+    kind, agents, w1, b1, w2, b2, head, action_scale, p, action_noise, chance, reference, lanes, spacing_m, beams,
     boundary, boundary_m, exit_m, wanted, seen,
 ):  # fmt: skip
     """One step of 0.1 s of all active rows of `agents`; returns how many are in contact and how many there are."""
@@ -115,7 +115,7 @@ def stream_step(
             continue
         if kind == NETWORK:
             forward(seen[i], w1, b1, w2, b2, head, outputs)
-            a, w = sample_action(outputs, action_scale, noise[i, 0], noise[i, 1])
+            a, w = sample_action(outputs, action_scale, action_noise[i, 0], action_noise[i, 1])
         else:
             a, w = idm_mobil_step(
                 p, agent, i, station, lane, speed, length, present, MAIN_LANES - 1, wanted, chance[i], lanes,

@@ -21,7 +21,7 @@ from service.studies.reproduce.results import Reading, Result
 from service.studies.reproduce.truth import CONFIDENCE, truth_job
 from service.world.scenario import load_scenario
 from service.world.scenario.fixed import toml_of
-from service.world.scenario.noise import Noise, with_noise
+from service.world.scenario.noise_mode import NoiseMode, with_noise_mode
 
 COMMON = ("budget", "rel_error", "confidence")
 LOST = ("failed", "cancelled")  # such a job is submitted anew
@@ -58,7 +58,7 @@ def carry_out_on(client: Client, plan: Plan, watch: Watch) -> Outcome:
     naive = _submitted(client, known, f"{_truth_label(truly)} {drivers}", truly.scenario, None, 0.5, truly.ego,
                        "naive", truly.seed, {"budget": truly.rollouts})  # fmt: skip
     jobs = [
-        _submitted(client, known, f"reproduce {run.folder} {drivers}", run.scenario, run.noise, run.gamma, run.ego,
+        _submitted(client, known, f"reproduce {run.folder} {drivers}", run.scenario, run.noise_mode, run.gamma, run.ego,
                    run.method, run.seed, run.options)
         for run in plan.runs
     ]  # fmt: skip
@@ -82,7 +82,7 @@ def _submitted(
     known: dict[str, O.Job],
     label: str,
     scenario: str,
-    noise: Noise | None,
+    noise_mode: NoiseMode | None,
     gamma: float,
     ego: str,
     method: str,
@@ -93,18 +93,18 @@ def _submitted(
     if label not in known:
         rest = {key: value for key, value in options.items() if key not in COMMON}
         common = {key: options[key] for key in COMMON if key in options}
-        known[label] = client.submit(_as_sent(scenario, noise), gamma, ego=ego, method=method, seed=seed,
+        known[label] = client.submit(_as_sent(scenario, noise_mode), gamma, ego=ego, method=method, seed=seed,
                                      label=label, options=rest, **common)  # fmt: skip
     return known[label].id
 
 
-def _as_sent(scenario: str, noise: Noise | None) -> str | dict[str, Any]:
-    """A scenario by its name, or by value where its noise is another."""
-    if noise is None:
+def _as_sent(scenario: str, noise_mode: NoiseMode | None) -> str | dict[str, Any]:
+    """A scenario by its name, or by value where its noise mode is another."""
+    if noise_mode is None:
         return scenario
     import tomllib
 
-    return tomllib.loads(toml_of(with_noise(load_scenario(scenario), noise)))
+    return tomllib.loads(toml_of(with_noise_mode(load_scenario(scenario), noise_mode)))
 
 
 def _wait(client: Client, job: str, most: int, watch: Watch) -> None:

@@ -17,7 +17,7 @@ from service.studies.reproduce.plans import Plan, Run, Truth
 from service.studies.reproduce.results import Result, result_of
 from service.studies.reproduce.truth import GroundTruth, KnownTruth, truth_job
 from service.world.scenario import load_scenario
-from service.world.scenario.noise import with_noise
+from service.world.scenario.noise_mode import with_noise_mode
 from service.world.sim.without_sumo import can_leave_out_sumo
 
 RESULT = "reproduced.json"  # in a run's directory, once it is finished
@@ -46,7 +46,7 @@ def truth_path(truth: Truth, folder: Path) -> Path:
 
 
 def run_as_job(run: Run) -> Job:
-    scenario = with_noise(load_scenario(run.scenario), run.noise)
+    scenario = with_noise_mode(load_scenario(run.scenario), run.noise_mode)
     return make_job(scenario, run.ego, run.gamma, run.method, run.seed, run.options)
 
 

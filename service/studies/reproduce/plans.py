@@ -21,7 +21,7 @@ from service.studies.reproduce.sizes import (
     Search,
     Size,
 )
-from service.world.scenario.noise import Noise
+from service.world.scenario.noise_mode import NoiseMode
 
 # Thresholds, s, at which p runs from about 2e-3 to 1e-5, as the paper's do; where they lie is measured
 # (decision 0014). The search aims at the last one, as the paper's does.
@@ -41,7 +41,7 @@ WORLD_THRESHOLDS = (0.75, 0.65, 0.58)
 # The paper's method and ours, where not all are to be run: the name in tables, the method, its options, the noise. Over
 # 2 km the drivers' noise is too long to be searched.
 NEAREST = (f"CE {NEAR}, ρ = 0.1", "ce", {"rho": 0.1, **SEARCHES[NEAR]}, None)
-Series = tuple[str, str, dict[str, Any], Noise | None]
+Series = tuple[str, str, dict[str, Any], NoiseMode | None]
 TWO: tuple[Series, ...] = (NEAREST, ("splitting, noise searched", "splitting", {}, "searched"))
 TWO_ON_THE_WHOLE_ROAD: tuple[Series, ...] = (NEAREST, ("splitting", "splitting", {}, None))
 # The whole road, and roads and egos that nothing here was made for: what it is, the scenario, the ego, the methods. The
@@ -54,7 +54,7 @@ OTHER_WORLDS = (
     ("I-80, a black box over Zenoh", "i80-10s", f"zenoh:{BLACK_BOX}", TWO),
 )
 # Our own estimators: the name in tables, the method, the drivers' action noise
-OURS: tuple[tuple[str, str, Noise | None], ...] = (
+OURS: tuple[tuple[str, str, NoiseMode | None], ...] = (
     ("splitting, noise searched", "splitting", "searched"),
     ("splitting", "splitting", None),
     ("auto", "auto", None),
@@ -72,8 +72,11 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Run(msgspec.Struct, frozen=True, kw_only=True):
-    """One run of an estimator. series: what it is called in tables; repeats of a series differ in their seed; noise: of
-    the drivers' actions, in place of the scenario's."""
+    """One run of an estimator.
+
+    series: what it is called in tables; repeats of a series differ in their seed
+    noise_mode: of the drivers' action noise, in place of the scenario's
+    """
 
     series: str
     scenario: str
@@ -82,7 +85,7 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     method: str
     options: dict[str, Any]
     seed: int
-    noise: Noise | None = None
+    noise_mode: NoiseMode | None = msgspec.field(default=None, name="noise")
 
     @property
     def budget(self) -> int:
@@ -171,10 +174,10 @@ def _beyond(scale: str, seed: int) -> Plan:
             method=method,
             options={"budget": size.budget},
             seed=seed + repeat,
-            noise=noise,
+            noise_mode=noise_mode,
         )
         for gamma in size.gammas
-        for series, method, noise in OURS
+        for series, method, noise_mode in OURS
         if series in size.series
         for repeat in range(size.seeds)
     ]
@@ -227,7 +230,7 @@ def _searches(
 
 def _best_of_ours(size: Size, scenario: str, ego: str, seed: int) -> list[Run]:
     """What `beyond` finds best of our estimators, aimed at the lowest threshold, with as many rollouts in all."""
-    series, method, noise = OURS[0]
+    series, method, noise_mode = OURS[0]
     return [
         Run(
             series=series,
@@ -237,7 +240,7 @@ def _best_of_ours(size: Size, scenario: str, ego: str, seed: int) -> list[Run]:
             method=method,
             options={"budget": size.search.total},
             seed=seed + repeat,
-            noise=noise,
+            noise_mode=noise_mode,
         )
         for repeat in range(size.seeds)
     ]
@@ -269,9 +272,9 @@ def _worlds(scale: str, seed: int) -> tuple[Plan, ...]:
                 method=method,
                 options={"budget": size.budget, **options},
                 seed=seed + repeat,
-                noise=noise,
+                noise_mode=noise_mode,
             )
-            for series, method, options, noise in methods
+            for series, method, options, noise_mode in methods
             for repeat in range(size.seeds)
         ]
         plans.append(

@@ -52,9 +52,9 @@ def runs_of(size: Size, seed: int) -> list[Run]:
     """At each threshold the paper's method, kept near P0, and splitting, which shows the event itself."""
     return [
         Run(series=f"{series}, γ = {gamma:g} s", scenario=SCENARIO, ego=EGO, gamma=gamma, method=method,
-            options={"budget": size.budget, **options}, seed=seed, noise=noise)
+            options={"budget": size.budget, **options}, seed=seed, noise_mode=noise_mode)
         for gamma in size.gammas
-        for series, method, options, noise in TWO
+        for series, method, options, noise_mode in TWO
     ]  # fmt: skip
 
 
@@ -148,10 +148,10 @@ def _films(
         position = next((i for i in found.ranking if found.modes.get(i) == mode.mode), None)
         if position is None:
             continue
-        ((x, noise),) = events.drawn([position])
+        ((x, noise_seed),) = events.drawn([position])
         film = f"{number_}-{mode.mode}.mp4"
         title = f"f = {events.f[position]:.3f} s: {mode.name}"
         tell(f"film {film}", 0)
-        write_exports(record.problem, x, noise, title, Exports(mp4=folder / film))
+        write_exports(record.problem, x, noise_seed, title, Exports(mp4=folder / film))
         written.append(film)
     return tuple(written)

@@ -63,10 +63,10 @@ class Reach(msgspec.Struct, frozen=True, kw_only=True):
 def measure(job: Job, rollouts: int) -> np.ndarray:
     """Processor time of rollouts of the job in SUMO, each, s; without the first, which compiles."""
     problem = Problem(job)
-    x, noise = ce.draw(problem.base, problem.stream_seed, "estimate", 0, 0, rollouts + 1)
+    x, noise_seeds = ce.draw(problem.base, problem.stream_seed, "estimate", 0, 0, rollouts + 1)
     taken = np.empty(rollouts + 1)
     with problem.simulator() as simulator:
-        for i, (row, seed) in enumerate(zip(x, noise, strict=True)):
+        for i, (row, seed) in enumerate(zip(x, noise_seeds, strict=True)):
             began = time.process_time()
             simulator.run(row, int(seed))
             taken[i] = time.process_time() - began

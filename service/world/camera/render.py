@@ -10,7 +10,7 @@ from policies.exactmath import sincos
 from service.world.camera import columns as C
 from service.world.camera.bodies import BRAKE_LIGHT_MPS2, bodies
 from service.world.camera.collect import Scratch, collect, scratch_for
-from service.world.camera.finish import add_noise, noise_table
+from service.world.camera.finish import add_sensor_noise, sensor_noise_table
 from service.world.camera.lens import lens_of
 from service.world.camera.lights import rain_streaks, shine
 from service.world.camera.poses import ACCELERATION_MPS2, HEADING_RAD, X_M, Y_M
@@ -61,7 +61,7 @@ class Camera:
         self._bodies = bodies()
         self._tones = tone_table()
         self._clouds = cloud_texture()
-        self._noise = noise_table()
+        self._sensor_noise_table = sensor_noise_table()
         self._scratch: Scratch | None = None
         self._radiance = np.zeros(3)
         self._weather: Weather | None = None
@@ -191,6 +191,8 @@ class Camera:
         if weather is not None and weather.rain > 0.0:
             brightness = min(0.25 + float(light.horizon.mean()) * light.gain, 1.0)
             rain_streaks(picture, weather.rain, brightness, seed, frame)
-        noise = self.spec.noise_levels * light.noise
-        add_noise(picture.reshape(self.spec.height_px, -1), self._noise, noise, seed, frame)
+        sensor_noise = self.spec.sensor_noise_levels * light.sensor_noise
+        add_sensor_noise(
+            picture.reshape(self.spec.height_px, -1), self._sensor_noise_table, sensor_noise, seed, frame
+        )
         return picture

@@ -84,7 +84,7 @@ class Light:
     lamps: float  # 0 by day, 1 when headlights and street lamps matter fully
     lights_on: bool
     gain: float  # radiance to signal
-    noise: float  # standard deviation factor of the sensor noise
+    sensor_noise: float  # standard deviation factor of the sensor noise
     transmittance: np.ndarray  # (n,) at RANGE_STEP_M steps of distance, float32
 
 
@@ -131,7 +131,7 @@ def light_of(weather: Weather) -> Light:
         lamps=lamps,
         lights_on=weather.lights_on,
         gain=gain,
-        noise=1.0 + 2.0 * _ramp(gain, 4.0, 25.0),
+        sensor_noise=1.0 + 2.0 * _ramp(gain, 4.0, 25.0),
         transmittance=transmittance,
     )
 

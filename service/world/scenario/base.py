@@ -31,8 +31,8 @@ class Start:
 def base_distribution(scenario: Scenario, drivers: DriverModel) -> ce.Product:
     """P0 of X = (S, T, W, V of each vehicle, xi): dimension 4 vehicles + 404 (paper, section 4).
 
-    A scenario with weather has its five coordinates before xi; one with noise = "searched" has the action noise after
-    it, standard normals (steps, vehicles, 2).
+    A scenario with weather has its five coordinates before xi; one with noise_mode = "searched" has the action noise
+    after it, standard normals (steps, vehicles, 2).
     """
     blocks: list[Marginal | ce.Normal] = []
     names: list[str] = []
@@ -46,8 +46,8 @@ def base_distribution(scenario: Scenario, drivers: DriverModel) -> ce.Product:
             names.append(f"weather.{key}")
     blocks.append(ce.Normal(drivers.mu0, drivers.sigma0))
     names += [f"xi[{i}]" for i in range(HEAD_SIZE)]
-    if scenario.drivers.noise == "searched":
-        blocks.append(ce.StandardNormal(scenario.noise_values))
+    if scenario.drivers.noise_mode == "searched":
+        blocks.append(ce.StandardNormal(scenario.action_noise_values))
         names += [
             f"{vehicle.name}.{action}_noise[{k}]"
             for k in range(scenario.steps)
@@ -59,7 +59,7 @@ def base_distribution(scenario: Scenario, drivers: DriverModel) -> ce.Product:
 
 def dimension(scenario: Scenario) -> int:
     """Of the base distribution, without making it."""
-    searched = scenario.noise_values if scenario.drivers.noise == "searched" else 0
+    searched = scenario.action_noise_values if scenario.drivers.noise_mode == "searched" else 0
     return _before_weights(scenario) + HEAD_SIZE + searched
 
 
@@ -92,10 +92,10 @@ def unpack(scenario: Scenario, x: np.ndarray) -> tuple[list[Start], np.ndarray]:
     return starts, x[first : first + HEAD_SIZE]
 
 
-def searched_noise(scenario: Scenario, x: np.ndarray) -> np.ndarray:
-    """The action noise (steps, vehicles, 2) that a draw x (d,) of a scenario with noise = "searched" holds."""
-    noise = x[_before_weights(scenario) + HEAD_SIZE :]
-    return np.ascontiguousarray(noise, dtype=np.float64).reshape(scenario.steps, len(scenario.vehicles), 2)
+def searched_action_noise(scenario: Scenario, x: np.ndarray) -> np.ndarray:
+    """The action noise (steps, vehicles, 2) that a draw x (d,) of a scenario with noise_mode = "searched" holds."""
+    normals = x[_before_weights(scenario) + HEAD_SIZE :]
+    return np.ascontiguousarray(normals, dtype=np.float64).reshape(scenario.steps, len(scenario.vehicles), 2)
 
 
 def weather_values(scenario: Scenario, x: np.ndarray) -> dict[str, float]:

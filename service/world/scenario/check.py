@@ -99,7 +99,7 @@ def check_values(scenario: Scenario, source: str) -> None:
             )
         if not 0.0 < background.speed_mps <= MAX_SPEED_MPS:
             refuse("background.speed_mps", background.speed_mps, f"give above 0 up to {MAX_SPEED_MPS:g} m/s")
-    _check_noise(scenario, refuse)
+    _check_noise_mode(scenario, refuse)
     check_camera(scenario, refuse)
     for key in () if scenario.weather is None else RandomWeather.__struct_fields__:
         _check_distribution(getattr(scenario.weather, key), key, f"weather.{key}", refuse)
@@ -174,13 +174,13 @@ def _check_distribution(dist: Distribution, kind: str, key: str, refuse) -> None
                 refuse(f"{key}.{end}", getattr(dist, end), remedy)
 
 
-def _check_noise(scenario: Scenario, refuse) -> None:
-    if scenario.drivers.noise == "searched" and scenario.noise_values > MAX_SEARCHED:
+def _check_noise_mode(scenario: Scenario, refuse) -> None:
+    if scenario.drivers.noise_mode == "searched" and scenario.action_noise_values > MAX_SEARCHED:
         refuse(
-            "drivers.noise",
+            "drivers.noise_mode",
             "searched",
-            f"its {scenario.noise_values} values are more than the {MAX_SEARCHED} a search takes; shorten the horizon, "
-            "or leave the noise drawn",
+            f"its {scenario.action_noise_values} values are more than the {MAX_SEARCHED} a search takes; "
+            "shorten the horizon, or leave the noise mode at drawn",
         )
 
 

@@ -17,7 +17,7 @@ CAMERA_RANGES: dict[str, tuple[float, float, str]] = {
     "yaw_deg": (-180.0, 180.0, "degrees to the left, -180 to 180"),
     "pitch_deg": (-60.0, 60.0, "degrees up, -60 to 60"),
     "roll_deg": (-45.0, 45.0, "degrees clockwise, -45 to 45"),
-    "noise_levels": (0.0, 100.0, "a standard deviation of 0 to 100 (of 255)"),
+    "sensor_noise_levels": (0.0, 100.0, "a standard deviation of 0 to 100 (of 255)"),
 }
 WEATHER_RANGES: dict[str, tuple[float, float, str]] = {
     "sun_elevation_deg": (-90.0, 90.0, "an elevation lies within -90 to 90 degrees"),

@@ -17,10 +17,11 @@ import ce
 from policies.layout import HEAD_SIZE
 from service.errors import ScenarioError
 from service.world.scenario.base import PER_VEHICLE
+from service.world.scenario.renamed import to_written
 from service.world.scenario.schema import Fixed, FixedStart, Scenario
 
 
-def fixed_of(scenario: Scenario, base: ce.Product, x: np.ndarray, noise: int) -> Fixed:
+def fixed_of(scenario: Scenario, base: ce.Product, x: np.ndarray, noise_seed: int) -> Fixed:
     """The fixed rollout that x (d,), a draw from P0, and its noise seed stand for."""
     values = dict(zip(_names(base), x.tolist(), strict=True))
     starts = tuple(
@@ -28,7 +29,7 @@ def fixed_of(scenario: Scenario, base: ce.Product, x: np.ndarray, noise: int) ->
         for v in scenario.vehicles
     )
     weights = tuple(values.pop(f"xi[{i}]") for i in range(HEAD_SIZE))
-    return Fixed(noise_seed=str(noise), starts=starts, driver_weights=weights, others=values)
+    return Fixed(noise_seed=str(noise_seed), starts=starts, driver_weights=weights, others=values)
 
 
 def fixed_draw(base: ce.Product, fixed: Fixed, weights_sha256: str, source: str) -> tuple[np.ndarray, int]:
@@ -71,14 +72,14 @@ def released(scenario: Scenario) -> Scenario:
 def toml_of(scenario: Scenario, comment: str = "") -> str:
     """The scenario as the text of a file; `comment` lines go before it."""
     lines = [f"# {line}".rstrip() for line in comment.splitlines()]
-    body = tomli_w.dumps(_said(msgspec.to_builtins(scenario)))
+    body = tomli_w.dumps(_given(to_written(msgspec.to_builtins(scenario))))
     return "\n".join([*lines, body]) if lines else body
 
 
-def _said(value: Any) -> Any:
+def _given(value: Any) -> Any:
     """Without what is not given: TOML has no null."""
     if isinstance(value, dict):
-        return {key: _said(item) for key, item in value.items() if item is not None and item != {}}
+        return {key: _given(item) for key, item in value.items() if item is not None and item != {}}
     if isinstance(value, (list, tuple)):
-        return [_said(item) for item in value]
+        return [_given(item) for item in value]
     return value

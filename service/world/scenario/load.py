@@ -15,6 +15,7 @@ import msgspec
 from service.errors import ScenarioError
 from service.world.scenario.check import DISTRIBUTIONS, check_values
 from service.world.scenario.check_camera import WEATHER_RANGES
+from service.world.scenario.renamed import to_stored, written_key
 from service.world.scenario.schema import FORMAT, Distribution, Scenario
 
 FOLDER = Path(__file__).parent
@@ -104,6 +105,7 @@ def parse_scenario(data: dict[str, Any], source: str, folder: Path) -> Scenario:
             data.get("format"),
             f"this tailroad reads scenario format {FORMAT}; write format = {FORMAT}",
         )
+    data = to_stored(data, source)
     try:
         scenario = msgspec.convert(data, Scenario, strict=True)
     except msgspec.ValidationError as error:
@@ -177,7 +179,9 @@ def _explain(message: str, data: dict[str, Any], source: str) -> ScenarioError:
     if missing := re.match(r"Object missing required field `(.*)`", what):
         key = f"{path}.{missing[1]}" if path else missing[1]
         return ScenarioError(source, key, None, f"missing; add it{_unit_hint(missing[1])}")
-    return ScenarioError(source, path, _value_at(data, path), _remedy(what, path.rpartition(".")[2]))
+    return ScenarioError(
+        source, written_key(path), _value_at(data, path), _remedy(what, path.rpartition(".")[2])
+    )
 
 
 def _remedy(what: str, key: str) -> str:
@@ -238,7 +242,8 @@ def _known_keys(path: str) -> list[str]:
     """The keys of the table at `path`."""
     tables = _tables_at(path)
     tags = {str(table.__struct_config__.tag_field) for table in tables if table.__struct_config__.tag_field}
-    return sorted({field.encode_name for field in _fields(tables)} | tags)
+    names = {field.encode_name for field in _fields(tables)}
+    return sorted({written_key(f"{path}.{name}").rpartition(".")[2] for name in names} | tags)
 
 
 def _choices() -> dict[str, tuple[str, ...]]:

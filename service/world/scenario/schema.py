@@ -52,7 +52,7 @@ class Time(_Table, frozen=True):
 class Drivers(_Table, frozen=True):
     weights: str = "drivers-gail"  # built-in weights, or the path of a .safetensors file
     # of the drivers' actions: a stream for each rollout, one stream for all, or a part of X that searches can move
-    noise: Literal["drawn", "frozen", "searched"] = "drawn"
+    noise_mode: Literal["drawn", "frozen", "searched"] = msgspec.field(default="drawn", name="noise")
 
 
 class Rss(_Table, frozen=True):
@@ -116,7 +116,8 @@ class CameraSpec(_Table, frozen=True):
     pitch_deg: float = -4.5  # up; below 0 it looks down on the road
     roll_deg: float = 0.0  # clockwise, seen from behind
     distortion: tuple[float, ...] = ()  # OpenCV's k1, k2, p1, p2 and k3; empty: none
-    noise_levels: float = 2.0  # standard deviation of the sensor's noise by day, of 255
+    # standard deviation of the sensor's noise by day, of 255
+    sensor_noise_levels: float = msgspec.field(default=2.0, name="noise_levels")
 
 
 class RandomWeather(_Table, frozen=True):
@@ -167,7 +168,7 @@ class Scenario(_Table, frozen=True):
     fixed: Fixed | None = None
 
     @property
-    def noise_values(self) -> int:
+    def action_noise_values(self) -> int:
         """Standard normals in the action noise of a rollout: acceleration and turn rate, each step, each vehicle."""
         return self.steps * len(self.vehicles) * 2
 

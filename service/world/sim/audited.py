@@ -28,16 +28,16 @@ class Audited:
     def close(self) -> None:
         self._simulator.close()
 
-    def run(self, x: np.ndarray, noise: int) -> Rollout:
+    def run(self, x: np.ndarray, noise_seed: int) -> Rollout:
         """The rollout of `x` (d,); SimulationError where the two worlds differ in a bit."""
-        rollout = self._alone.run(x, noise)
-        if int(noise) % EVERY == 0:
-            again = self._simulator.run(x, noise)
+        rollout = self._alone.run(x, noise_seed)
+        if int(noise_seed) % EVERY == 0:
+            again = self._simulator.run(x, noise_seed)
             same = np.array_equal(again.f, rollout.f, equal_nan=True)
             same = same and (again.outcome, again.steps) == (rollout.outcome, rollout.steps)
             if not same:
                 raise SimulationError(
-                    f"the rollout with noise seed {int(noise)} came to f = {rollout.f!r} ({rollout.outcome}, "
+                    f"the rollout with noise seed {int(noise_seed)} came to f = {rollout.f!r} ({rollout.outcome}, "
                     f"{rollout.steps} steps) without SUMO and to f = {again.f!r} ({again.outcome}, {again.steps} "
                     "steps) with it: they must be the same to the bit. Run with --sumo, and report this"
                 )

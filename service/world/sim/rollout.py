@@ -13,7 +13,7 @@ from policies.drivers import DriverModel
 from policies.egos import EgoPolicy, Observation
 from service.errors import EgoError
 from service.world.safety.measure import open_monitor
-from service.world.scenario.base import searched_noise, unpack
+from service.world.scenario.base import searched_action_noise, unpack
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
 from service.world.sim.road import road_of
@@ -29,7 +29,7 @@ OUTCOMES = {
     step.OFF_ROAD: "off-road",
     step.REVERSED: "reversing",
 }
-FROZEN_NOISE_SEED = 0  # scenarios with noise = "frozen" drive every rollout with this stream
+FROZEN_NOISE_SEED = 0  # scenarios with noise_mode = "frozen" drive every rollout with this stream
 BACKGROUND_ROWS = 1000  # background vehicles at most
 
 
@@ -43,25 +43,30 @@ class Rollout:
     error: str | None = None
 
 
-def noise_of(
-    scenario: Scenario, x: np.ndarray, noise: int | np.ndarray, vehicles: int
+def seed_and_action_noise(
+    scenario: Scenario, x: np.ndarray, noise_seed: int, vehicles: int, given: np.ndarray | None = None
 ) -> tuple[int, np.ndarray]:
-    """The rollout's seed and its action noise (steps, vehicles, 2): from the seed, from x where the scenario's is
-    searched, or given as it is (seed 0)."""
-    given = isinstance(noise, np.ndarray)
-    seed = 0 if given else int(noise)
-    if scenario.drivers.noise == "frozen" and not given:
-        seed = FROZEN_NOISE_SEED
-    if isinstance(noise, np.ndarray):
-        normals = noise
-    elif scenario.drivers.noise == "searched":
-        normals = searched_noise(scenario, x)
+    """The rollout's seed, and its action noise as standard normals.
+
+    x: (d,) a draw from P0
+    noise_seed: of the rollout; one for all where the scenario's noise mode is "frozen"
+    given: (steps, vehicles, 2) action noise to use as it is; None: from x where the noise mode is "searched", else from
+        the seed
+
+    Returns the seed and the action noise (steps, vehicles, 2). Raises ValueError for action noise of another shape.
+    """
+    mode = scenario.drivers.noise_mode
+    seed = FROZEN_NOISE_SEED if mode == "frozen" and given is None else int(noise_seed)
+    if given is not None:
+        normals = given
+    elif mode == "searched":
+        normals = searched_action_noise(scenario, x)
     else:
         normals = action_noise(seed, scenario.steps, vehicles)
     shape = (scenario.steps, vehicles, 2)
     if normals.shape != shape or normals.dtype != np.float64:
         raise ValueError(
-            f"noise must be float64 of shape {shape}, not {normals.dtype} of shape {normals.shape}"
+            f"action noise must be float64 of shape {shape}, not {normals.dtype} of shape {normals.shape}"
         )
     return seed, normals
 
@@ -169,21 +174,31 @@ class Simulator:
         """The measure at each state of the last rollout, (states,); None for `ttc`, which observers are shown."""
         return None if self._monitor is None else self._monitor.trace()
 
-    def run(self, x: np.ndarray, noise: int | np.ndarray, observer: Observer | None = None) -> Rollout:
-        """The rollout of `x` (d,) with action noise from a seed, or given as normals (steps, vehicles, 2).
+    def run(
+        self,
+        x: np.ndarray,
+        noise_seed: int = 0,
+        observer: Observer | None = None,
+        *,
+        action_noise: np.ndarray | None = None,
+    ) -> Rollout:
+        """The rollout of `x` (d,) with action noise from its noise seed, or given as standard normals
+        (steps, vehicles, 2).
 
         An exception on the way, from the ego or from SUMO, makes a recorded rollout with outcome "error" and
         f = NaN; it is not raised.
         """
         try:
-            return self._run(x, noise, observer)
+            return self._run(x, noise_seed, observer, action_noise)
         # any failure of a black box, sys.exit included, is a result with its seed, never a lost rollout
         except (Exception, SystemExit) as error:
             return Rollout(math.nan, "error", 0, f"{type(error).__name__}: {error}")
 
-    def _run(self, x: np.ndarray, noise: int | np.ndarray, observer: Observer | None) -> Rollout:
+    def _run(
+        self, x: np.ndarray, noise_seed: int, observer: Observer | None, given: np.ndarray | None
+    ) -> Rollout:
         world, ego, sumo, monitor = self._world, self._ego, self._sumo, self._monitor
-        seed, normals = noise_of(self._scenario, x, noise, world.vehicles)
+        seed, action_noise = seed_and_action_noise(self._scenario, x, noise_seed, world.vehicles, given)
 
         starts, driver_weights = unpack(self._scenario, x)
         world.reset(starts, driver_weights)
@@ -217,7 +232,7 @@ class Simulator:
             acceleration, turn_rate = float(acceleration), float(turn_rate)
             if observer is not None:
                 observer.see(world, observation.time_s, ttc, (acceleration, turn_rate))
-            world.advance(acceleration, turn_rate, normals[k])
+            world.advance(acceleration, turn_rate, action_noise[k])
             sumo.step(world.poses)
             if self._has_background:
                 world.count = sumo.read_background(world.agents, world.vehicles)

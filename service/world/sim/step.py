@@ -132,7 +132,7 @@ def advance_all(
     b2: np.ndarray,
     head: np.ndarray,
     action_scale: np.ndarray,
-    noise: np.ndarray,
+    action_noise: np.ndarray,
     dt_s: float,
     lanes: int,
     poses: np.ndarray,
@@ -140,7 +140,7 @@ def advance_all(
     """Move every active controlled vehicle by one step.
 
     Environment vehicles are driven by the network with `head` (404,) float32 and this step's standard normals
-    `noise` (controlled, 2); one that has left the road or hit another is driven by the lane-keeping intelligent
+    `action_noise` (controlled, 2); one that has left the road or hit another is driven by the lane-keeping intelligent
     driver from then on. The ego does what its policy said and is never taken over. `poses`: see `write_poses`.
     """
     outputs = np.empty(layout.OUTPUTS, np.float32)
@@ -157,6 +157,8 @@ def advance_all(
                 acceleration, turn_rate = idm_action(observations[i], TAKEOVER_SPEED_MPS)
             else:
                 forward(observations[i], w1, b1, w2, b2, head, outputs)
-                acceleration, turn_rate = sample_action(outputs, action_scale, noise[i, 0], noise[i, 1])
+                acceleration, turn_rate = sample_action(
+                    outputs, action_scale, action_noise[i, 0], action_noise[i, 1]
+                )
             advance(agent, acceleration, turn_rate, dt_s, False)
     write_poses(agents, controlled, lanes, poses)

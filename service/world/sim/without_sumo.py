@@ -22,7 +22,7 @@ from service.world.scenario.base import unpack
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
 from service.world.sim.road import road_of
-from service.world.sim.rollout import OUTCOMES, Rollout, noise_of
+from service.world.sim.rollout import OUTCOMES, Rollout, seed_and_action_noise
 from service.world.sim.step import advance_all, observe
 from service.world.sim.world import DriverNetwork, World
 from sumo_nets.corridor import Corridor
@@ -54,7 +54,7 @@ def drive(
     b2: np.ndarray,
     head: np.ndarray,
     scale: np.ndarray,
-    noise: np.ndarray,
+    action_noise: np.ndarray,
     dt_s: float,
     reference: np.ndarray,
     lanes: np.ndarray,
@@ -66,14 +66,14 @@ def drive(
 ) -> tuple[float, int, int]:
     """The smallest time to collision (s), how the ego ended (service.world.sim.step) and the steps driven.
 
-    noise: (steps, vehicles, 2) standard normals; the rest as `service.world.sim.step` has it.
+    action_noise: (steps, vehicles, 2) standard normals; the rest as `service.world.sim.step` has it.
     """
     outputs = np.empty(OUTPUTS, np.float32)
     status, smallest = observe(
         agents, controlled, controlled, ego, reference, lanes, spacing_m, beams, rays, observations
     )
     k = 0
-    while status == step.RUNNING and k < noise.shape[0]:
+    while status == step.RUNNING and k < action_noise.shape[0]:
         if ego_kind == IDM:
             a, w = idm_action(observations[ego], DESIRED_SPEED_MPS)
         else:
@@ -82,8 +82,8 @@ def drive(
         if not (math.isfinite(a) and math.isfinite(w)):
             return math.nan, status, k
         advance_all(
-            agents, controlled, ego, a, w, observations, w1, b1, w2, b2, head, scale, noise[k], dt_s, lanes.shape[1],
-            poses,
+            agents, controlled, ego, a, w, observations, w1, b1, w2, b2, head, scale, action_noise[k], dt_s,
+            lanes.shape[1], poses,
         )  # fmt: skip
         status, ttc = observe(
             agents, controlled, controlled, ego, reference, lanes, spacing_m, beams, rays, observations
@@ -133,10 +133,10 @@ class WithoutSumo:
     def close(self) -> None:
         """Nothing is held."""
 
-    def run(self, x: np.ndarray, noise: int | np.ndarray) -> Rollout:
+    def run(self, x: np.ndarray, noise_seed: int = 0, *, action_noise: np.ndarray | None = None) -> Rollout:
         """The rollout of `x` (d,), with the same bits as `Simulator.run`."""
         world, net = self._world, self._network
-        _, normals = noise_of(self._scenario, x, noise, world.vehicles)
+        _, normals = seed_and_action_noise(self._scenario, x, noise_seed, world.vehicles, action_noise)
         world.reset(*unpack(self._scenario, x))
         f, status, k = drive(
             world.agents, world.vehicles, world.ego, *self._ego, net.w1, net.b1, net.w2, net.b2, world.head,

@@ -32,9 +32,9 @@ def action_noise(seed: int, steps: int, vehicles: int) -> np.ndarray:
     A shorter rollout's noise is a prefix of a longer one's.
     """
     bits = np.random.Philox(key=seed).random_raw(steps * vehicles * 2)
-    noise = np.empty(bits.shape[0])
-    normals_from_bits(bits, noise)
-    return noise.reshape(steps, vehicles, 2)
+    normals = np.empty(bits.shape[0])
+    normals_from_bits(bits, normals)
+    return normals.reshape(steps, vehicles, 2)
 
 
 class World:
@@ -100,8 +100,8 @@ class World:
             self.observations,
         )
 
-    def advance(self, acceleration_mps2: float, turn_rate_radps: float, noise: np.ndarray) -> None:
-        """Move by one step; the arguments are the ego's action, `noise` (vehicles, 2) the others'."""
+    def advance(self, acceleration_mps2: float, turn_rate_radps: float, action_noise: np.ndarray) -> None:
+        """Move by one step; the arguments are the ego's action, `action_noise` (vehicles, 2) the others'."""
         net = self._network
         advance_all(
             self.agents,
@@ -116,7 +116,7 @@ class World:
             net.b2,
             self.head,
             net.action_scale,
-            noise,
+            action_noise,
             self.dt_s,
             self.road.lanes.shape[1],
             self.poses,

@@ -292,9 +292,12 @@ def test_what_users_write_is_escaped_and_failures_are_listed(scenario, tmp_path)
     listed = json.loads((tmp_path / "hostile" / "report.json").read_text())["jobs"][0]["failures"]
     assert listed["total"] == 2
     proposal = record.problem.base.with_parameters(record.parameters["estimate", 0])
-    _, noise = ce.draw(proposal, record.problem.stream_seed, "estimate", 0, 0, 1000)
-    assert [(x["row"], x["noise"]) for x in listed["listed"]] == [(7, str(noise[7])), (702, str(noise[702]))]
-    assert str(noise[702]) in page.words
+    _, noise_seeds = ce.draw(proposal, record.problem.stream_seed, "estimate", 0, 0, 1000)
+    assert [(x["row"], x["noise_seed"]) for x in listed["listed"]] == [
+        (7, str(noise_seeds[7])),
+        (702, str(noise_seeds[702])),
+    ]
+    assert str(noise_seeds[702]) in page.words
 
 
 def test_the_report_is_the_same_each_time(run):
@@ -447,9 +450,9 @@ def scripts(html: str) -> list[tuple[str, str]]:
 def record_three(store: RunDirectory, job: Job) -> None:
     """Three real rollouts, the second with an f that is off by the last bit."""
     problem = Problem(job)
-    x, noise = ce.draw(problem.base, problem.stream_seed, "estimate", 0, 0, 3)
+    x, noise_seeds = ce.draw(problem.base, problem.stream_seed, "estimate", 0, 0, 3)
     with problem.simulator() as simulator:
-        rollouts = [simulator.run(row, int(seed)) for row, seed in zip(x, noise, strict=True)]
+        rollouts = [simulator.run(row, int(seed)) for row, seed in zip(x, noise_seeds, strict=True)]
     f = np.array([r.f for r in rollouts])
     f[~np.isfinite(f)] = 1.0
     f[1] = np.nextafter(f[1], 0.0)

@@ -36,9 +36,9 @@ class Calculator:
         for work in reversed(works):  # in any order
             if self.until is not None and len(self.done) == self.until:
                 raise Interrupted
-            n = len(work.noise)
-            f = work.x[:, 0] + 0.5 * work.x[:, 1] + (work.noise % 1000) * 1e-5
-            f[work.noise % 50 == 0] = np.nan
+            n = len(work.noise_seeds)
+            f = work.x[:, 0] + 0.5 * work.x[:, 1] + (work.noise_seeds % 1000) * 1e-5
+            f[work.noise_seeds % 50 == 0] = np.nan
             self.done.append((work.start, work.start + n))
             zeros = np.zeros(n)
             yield Chunk(

@@ -32,8 +32,8 @@ def job(make_scenario) -> Job:
 
 @pytest.fixture(scope="module")
 def works(job) -> list[Work]:
-    x, noise = ce.draw(Problem(job).base, 1, "estimate", 0, 0, 40)
-    return [Work(start, x[start : start + 5], noise[start : start + 5]) for start in range(0, 40, 5)]
+    x, noise_seeds = ce.draw(Problem(job).base, 1, "estimate", 0, 0, 40)
+    return [Work(start, x[start : start + 5], noise_seeds[start : start + 5]) for start in range(0, 40, 5)]
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +119,7 @@ class FatalPool(LocalPool):
 
 
 def test_a_rollout_that_kills_its_process_is_one_recorded_error(job, works, expected):
-    fatal = works[1].noise[3]
+    fatal = works[1].noise_seeds[3]
     with FatalPool(job, 1, frozenset([int(fatal)])) as pool:
         found = sorted(pool.run(works[:3]), key=lambda chunk: chunk.start)
     assert found[1].errors == {3: "the worker process died during this rollout, each time it was tried"}
@@ -135,7 +135,7 @@ def test_a_rollout_that_kills_its_process_is_one_recorded_error(job, works, expe
 def test_a_failed_rollout_keeps_its_row_and_its_reason(job, works):
     class Broken(IdmEgo):
         def reset(self, seed: int) -> None:
-            self.fails = seed == works[0].noise[2]
+            self.fails = seed == works[0].noise_seeds[2]
 
         def act(self, observation):
             if self.fails:

@@ -21,11 +21,11 @@ from service.world.scenario.fixed import fixed_draw, released
 def held(make_scenario, tmp_path_factory) -> tuple[Path, Problem, float]:
     """A file that holds a rollout, the problem it is of, and its f."""
     problem = Problem(make_job(make_scenario(), "idm", 0.0, "naive", 1, {}))
-    x, noise = ce.draw(problem.base, 5, "estimate", 0, 3, 4)
+    x, noise_seeds = ce.draw(problem.base, 5, "estimate", 0, 3, 4)
     with problem.simulator() as simulator:
-        rollout = simulator.run(x[0], int(noise[0]))
+        rollout = simulator.run(x[0], int(noise_seeds[0]))
     path = tmp_path_factory.mktemp("held") / "held.toml"
-    path.write_text(scenario_text(problem, x[0], int(noise[0]), rollout.f, "a title\nof two lines"))
+    path.write_text(scenario_text(problem, x[0], int(noise_seeds[0]), rollout.f, "a title\nof two lines"))
     return path, problem, rollout.f
 
 
@@ -33,10 +33,10 @@ def test_every_bit_of_the_draw_comes_back(held):
     path, problem, _ = held
     scenario = load_scenario(str(path))
     assert scenario.fixed is not None
-    x, noise = ce.draw(problem.base, 5, "estimate", 0, 3, 4)
+    x, noise_seeds = ce.draw(problem.base, 5, "estimate", 0, 3, 4)
     again, seed = fixed_draw(problem.base, scenario.fixed, problem.job.weights_sha256, "held")
     assert again.tobytes() == x[0].tobytes()
-    assert seed == int(noise[0])
+    assert seed == int(noise_seeds[0])
     assert released(scenario) == problem.job.scenario
 
 

@@ -85,8 +85,8 @@ def draws(drivers: DriverModel):
     """draws(scenario, n): x (n, d) from the base distribution, and n noise seeds."""
 
     def draw(scenario: Scenario, n: int) -> tuple[np.ndarray, list[int]]:
-        x, noise = ce.draw(base_distribution(scenario, drivers), 3, "estimate", 0, 0, n)
-        return x, [int(seed) for seed in noise]
+        x, noise_seeds = ce.draw(base_distribution(scenario, drivers), 3, "estimate", 0, 0, n)
+        return x, [int(seed) for seed in noise_seeds]
 
     return draw
 
@@ -103,8 +103,8 @@ def same(a: Rollout, b: Rollout) -> bool:
 def test_f_is_the_smallest_time_to_collision_of_all_states(simulate, make_scenario, draws):
     scenario = make_scenario()
     simulator = simulate(scenario)
-    x, noise = draws(scenario, 5)
-    for row, seed in zip(x, noise, strict=True):
+    x, noise_seeds = draws(scenario, 5)
+    for row, seed in zip(x, noise_seeds, strict=True):
         seen = Recorder()
         rollout = simulator.run(row, seed, seen)
         assert rollout.f == min(seen.ttc_s)
@@ -116,19 +116,19 @@ def test_f_is_the_smallest_time_to_collision_of_all_states(simulate, make_scenar
 
 def test_a_rollout_ends_at_its_horizon(simulate, make_scenario, draws):
     scenario = make_scenario(TWO_SECONDS)
-    x, noise = draws(scenario, 1)
-    rollout = simulate(scenario).run(x[0], noise[0])
+    x, noise_seeds = draws(scenario, 1)
+    rollout = simulate(scenario).run(x[0], noise_seeds[0])
     assert (rollout.outcome, rollout.steps) == ("horizon", 20)
 
 
 def test_a_rollout_ends_at_a_collision_of_the_ego_and_counts_that_state(simulate, make_scenario, draws):
     scenario = make_scenario()
-    x, noise = draws(scenario, 1)
+    x, noise_seeds = draws(scenario, 1)
     x = x[0].copy()
     x[:8] = 100.0, 0.0, 0.0, 15.0, 100.5, 0.0, 0.0, 15.0  # the ego in lane 3, env1 in lane 1
     x[8:12] = 101.0, 0.0, 0.0, 15.0  # env2 beside it in lane 2
     seen = Recorder()
-    rollout = simulate(scenario, ScriptedEgo(lambda k: (0.0, 0.25))).run(x, noise[0], seen)
+    rollout = simulate(scenario, ScriptedEgo(lambda k: (0.0, 0.25))).run(x, noise_seeds[0], seen)
     assert rollout.outcome == "collision"
     assert seen.agents[-1][0, A.COLLISION] == 1.0
     assert seen.agents[-1][2, A.COLLISION] == 1.0
@@ -139,11 +139,11 @@ def test_a_rollout_ends_at_a_collision_of_the_ego_and_counts_that_state(simulate
 
 def test_a_collision_at_the_start_is_a_rollout_of_no_steps(simulate, make_scenario, draws):
     scenario = make_scenario()
-    x, noise = draws(scenario, 1)
+    x, noise_seeds = draws(scenario, 1)
     x = x[0].copy()
     x[:4] = 100.0, 3.66, 0.0, 15.0  # the ego's offset puts it on env2 in lane 2
     x[8:12] = 101.0, 0.0, 0.0, 12.0
-    rollout = simulate(scenario).run(x, noise[0])
+    rollout = simulate(scenario).run(x, noise_seeds[0])
     assert (rollout.outcome, rollout.steps, rollout.f) == ("collision", 0, 0.0)
 
 
@@ -155,12 +155,12 @@ def test_the_ego_ends_the_rollout_by_leaving_the_road_or_reversing(
 ):
     scenario = make_scenario({'name = "ego"\nrole = "ego"\nlane = 3': 'name = "ego"\nrole = "ego"\nlane = 1',
                               'name = "env1"\nlane = 1': 'name = "env1"\nlane = 3'})  # fmt: skip
-    x, noise = draws(scenario, 1)
+    x, noise_seeds = draws(scenario, 1)
     x = x[0].copy()
     x[:4] = 119.0, 0.0, 0.0, 11.0
     x[8] = 85.0
     seen = Recorder()
-    rollout = simulate(scenario, ScriptedEgo(lambda k: answer)).run(x, noise[0], seen)
+    rollout = simulate(scenario, ScriptedEgo(lambda k: answer)).run(x, noise_seeds[0], seen)
     assert rollout.outcome == outcome
     flag = A.OFF_ROAD if outcome == "off-road" else A.REVERSING
     assert [state[0, flag] for state in seen.agents] == [0.0] * rollout.steps + [1.0]
@@ -171,10 +171,10 @@ def test_the_ego_finishes_at_the_end_of_the_road_and_the_others_leave_the_world(
     simulate, make_scenario, draws
 ):
     scenario = make_scenario({"low = 80.0, high = 120.0": "low = 1900.0, high = 2000.0"})
-    x, noise = draws(scenario, 4)
+    x, noise_seeds = draws(scenario, 4)
     simulator = simulate(scenario)
     left = 0
-    for row, seed in zip(x, noise, strict=True):
+    for row, seed in zip(x, noise_seeds, strict=True):
         seen = Recorder()
         rollout = simulator.run(row, seed, seen)
         assert rollout.outcome in ("finished", "horizon", "collision")
@@ -184,7 +184,7 @@ def test_the_ego_finishes_at_the_end_of_the_road_and_the_others_leave_the_world(
             left += int((after[:, A.ACTIVE] == 0.0).sum() - gone.sum())
             assert (after[gone, A.ACTIVE] == 0.0).all()
     assert left > 0
-    assert simulator.run(x[0], noise[0]).outcome == "finished"
+    assert simulator.run(x[0], noise_seeds[0]).outcome == "finished"
 
 
 def _fail(k: int):
@@ -209,70 +209,70 @@ def test_an_ego_that_fails_is_a_recorded_error_and_the_next_rollout_is_unaffecte
 ):
     answer, message = BAD_ANSWERS[case]
     scenario = make_scenario(TWO_SECONDS)
-    x, noise = draws(scenario, 2)
+    x, noise_seeds = draws(scenario, 2)
     broken = [False]
     ego = ScriptedEgo(lambda k: answer(k) if broken[0] else (0.0, 0.0))
     simulator = simulate(scenario, ego)
-    clean = simulator.run(x[1], noise[1])
+    clean = simulator.run(x[1], noise_seeds[1])
     broken[0] = True
-    failed = simulator.run(x[0], noise[0])
+    failed = simulator.run(x[0], noise_seeds[0])
     broken[0] = False
     assert failed.outcome == "error"
     assert math.isnan(failed.f)
     assert message in failed.error
-    assert same(simulator.run(x[1], noise[1]), clean)
+    assert same(simulator.run(x[1], noise_seeds[1]), clean)
     assert clean.outcome == "horizon"
 
 
 @pytest.mark.parametrize("kind", [int, np.float32, np.float64, np.int8, bool])
 def test_an_ego_may_answer_with_any_kind_of_number(simulate, make_scenario, draws, kind):
     scenario = make_scenario(TWO_SECONDS)
-    x, noise = draws(scenario, 1)
-    floats = simulate(scenario, ScriptedEgo(lambda k: (1.0, 0.0))).run(x[0], noise[0])
-    others = simulate(scenario, ScriptedEgo(lambda k: (kind(1), kind(0)))).run(x[0], noise[0])
+    x, noise_seeds = draws(scenario, 1)
+    floats = simulate(scenario, ScriptedEgo(lambda k: (1.0, 0.0))).run(x[0], noise_seeds[0])
+    others = simulate(scenario, ScriptedEgo(lambda k: (kind(1), kind(0)))).run(x[0], noise_seeds[0])
     assert same(floats, others)
 
 
 def test_a_wrong_x_or_noise_is_an_error_and_the_next_rollout_is_unaffected(simulate, make_scenario, draws):
     scenario = make_scenario(TWO_SECONDS)
-    x, noise = draws(scenario, 1)
+    x, noise_seeds = draws(scenario, 1)
     simulator = simulate(scenario)
-    clean = simulator.run(x[0], noise[0])
+    clean = simulator.run(x[0], noise_seeds[0])
     for wrong_x, wrong_noise in (
-        (x[0][:-1], noise[0]),
-        (np.full_like(x[0], np.nan), noise[0]),
+        (x[0][:-1], None),
+        (np.full_like(x[0], np.nan), None),
         (x[0], np.zeros((19, 6, 2))),
         (x[0], np.zeros((20, 5, 2))),
     ):
-        assert simulator.run(wrong_x, wrong_noise).outcome == "error"
-        assert same(simulator.run(x[0], noise[0]), clean)
+        assert simulator.run(wrong_x, noise_seeds[0], action_noise=wrong_noise).outcome == "error"
+        assert same(simulator.run(x[0], noise_seeds[0]), clean)
 
 
 def test_the_ego_is_reset_with_the_rollout_s_seed(simulate, make_scenario, draws):
     scenario = make_scenario(TWO_SECONDS)
-    x, noise = draws(scenario, 3)
+    x, noise_seeds = draws(scenario, 3)
     ego = ScriptedEgo(lambda k: (0.0, 0.0))
     simulator = simulate(scenario, ego)
-    for row, seed in zip(x, noise, strict=True):
+    for row, seed in zip(x, noise_seeds, strict=True):
         simulator.run(row, seed)
-    assert ego.seeds == noise
+    assert ego.seeds == noise_seeds
 
 
 def test_noise_given_as_normals_is_the_noise_of_its_seed(simulate, make_scenario, draws):
     scenario = make_scenario()
-    x, noise = draws(scenario, 1)
+    x, noise_seeds = draws(scenario, 1)
     simulator = simulate(scenario)
-    given = simulator.run(x[0], action_noise(noise[0], 100, 6))
-    assert given.f == simulator.run(x[0], noise[0]).f
-    assert given.f != simulator.run(x[0], noise[0] + 1).f
+    given = simulator.run(x[0], action_noise=action_noise(noise_seeds[0], 100, 6))
+    assert given.f == simulator.run(x[0], noise_seeds[0]).f
+    assert given.f != simulator.run(x[0], noise_seeds[0] + 1).f
 
 
 def test_frozen_noise_is_one_stream_for_all_rollouts(simulate, make_scenario, draws):
-    scenario = make_scenario({'noise = "drawn"': 'noise = "frozen"'})
-    x, noise = draws(scenario, 2)
+    scenario = make_scenario({'noise_mode = "drawn"': 'noise_mode = "frozen"'})
+    x, noise_seeds = draws(scenario, 2)
     simulator = simulate(scenario)
-    assert same(simulator.run(x[0], noise[0]), simulator.run(x[0], noise[1]))
-    assert not same(simulator.run(x[0], noise[0]), simulator.run(x[1], noise[0]))
+    assert same(simulator.run(x[0], noise_seeds[0]), simulator.run(x[0], noise_seeds[1]))
+    assert not same(simulator.run(x[0], noise_seeds[0]), simulator.run(x[1], noise_seeds[0]))
 
 
 # the same bits ------------------------------------------------------------------------------------------------
@@ -290,11 +290,11 @@ print(json.dumps(digests(load_scenario(sys.argv[1]), json.loads(sys.argv[2]))))
 def digests(scenario: Scenario, order: list[int]) -> dict[str, list]:
     """By row number: f, outcome and a digest of the whole trace, run in this order in one simulator."""
     problem = Problem(make_job(scenario, "idm", 0.5, "naive", 7, {"budget": 8}))
-    x, noise = ce.draw(problem.base, 7, "estimate", 0, 0, 8)
+    x, noise_seeds = ce.draw(problem.base, 7, "estimate", 0, 0, 8)
     found: dict[str, list] = {}
     with problem.simulator() as simulator:
         for row in order:
-            traced = trace.record(problem, simulator, x[row], int(noise[row]))
+            traced = trace.record(problem, simulator, x[row], int(noise_seeds[row]))
             parts = (traced.time_s, traced.agents, traced.ttc_s, traced.actions)
             digest = hashlib.sha256(
                 b"".join(np.ascontiguousarray(part).tobytes() for part in parts)
@@ -329,7 +329,7 @@ def test_the_same_rollout_gives_the_same_bits_in_any_order_and_in_another_proces
 
 def test_background_traffic_changes_what_happens(simulate, make_scenario, draws):
     plain, busy = make_scenario(), make_scenario(more=BACKGROUND)
-    x, noise = draws(plain, 3)
-    alone = [simulate(plain).run(row, seed).f for row, seed in zip(x, noise, strict=True)]
-    among = [simulate(busy).run(row, seed).f for row, seed in zip(x, noise, strict=True)]
+    x, noise_seeds = draws(plain, 3)
+    alone = [simulate(plain).run(row, seed).f for row, seed in zip(x, noise_seeds, strict=True)]
+    among = [simulate(busy).run(row, seed).f for row, seed in zip(x, noise_seeds, strict=True)]
     assert alone != among

@@ -305,7 +305,13 @@ BROKEN = {
         "is 'hero'",
         "give 'ego' or 'environment'",
     ),
-    "unknown noise": ('"drawn"', '"cold"', "drivers.noise", "is 'cold'", "give 'drawn' or 'frozen'"),
+    "unknown noise mode": (
+        '"drawn"',
+        '"cold"',
+        "drivers.noise_mode",
+        "is 'cold'",
+        "give 'drawn' or 'frozen'",
+    ),
     "two egos": (
         ENV1,
         ENV1 + '\nrole = "ego"',

@@ -28,8 +28,8 @@ TWO_SECONDS = {"horizon_s = 10.0": "horizon_s = 2.0"}
 @pytest.fixture
 def draws(drivers):
     def draw(scenario, n: int):
-        x, noise = ce.draw(base_distribution(scenario, drivers), 11, "estimate", 0, 0, n)
-        return list(zip(x, (int(seed) for seed in noise), strict=True))
+        x, noise_seeds = ce.draw(base_distribution(scenario, drivers), 11, "estimate", 0, 0, n)
+        return list(zip(x, (int(seed) for seed in noise_seeds), strict=True))
 
     return draw
 

@@ -46,11 +46,11 @@ def test_a_rollout_in_the_gui_has_the_same_bits(problem, monkeypatch, tmp_path):
     )
     try:
         monkeypatch.setenv("DISPLAY", ":" + os.read(read, 16).decode().strip())
-        x, noise = ce.draw(problem.base, 3, "estimate", 0, 0, 1)
+        x, noise_seeds = ce.draw(problem.base, 3, "estimate", 0, 0, 1)
         with problem.simulator() as simulator:
-            plain = simulator.run(x[0], int(noise[0]))
+            plain = simulator.run(x[0], int(noise_seeds[0]))
         with problem.simulator(gui=True) as simulator:
-            assert simulator.run(x[0], int(noise[0])) == plain
+            assert simulator.run(x[0], int(noise_seeds[0])) == plain
         assert plain.error is None
     finally:
         screen.kill()

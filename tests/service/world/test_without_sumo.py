@@ -13,7 +13,7 @@ from service.evaluation.job import Problem, make_job, without_sumo
 from service.world.safety.measure import with_measure
 from service.world.scenario import load_scenario
 from service.world.scenario.base import dimension
-from service.world.scenario.noise import with_noise
+from service.world.scenario.noise_mode import with_noise_mode
 from service.world.sim import audited
 from service.world.sim.audited import Audited
 from service.world.sim.without_sumo import WithoutSumo
@@ -28,7 +28,7 @@ def opened(scenario, ego):
 def test_a_rollout_without_sumo_has_the_bits_of_one_with_it(scenario, ego):
     """With the shipped drivers, of whom some change lanes and some rollouts end in a collision."""
     problem, alone = opened(load_scenario(scenario), ego)
-    x, noise = ce.draw(problem.base, 3, "estimate", 0, 0, 40)
+    x, noise_seeds = ce.draw(problem.base, 3, "estimate", 0, 0, 40)
     x[:8, [4 * v + 3 for v in range(6)]] = [
         20.0,
         10.0,
@@ -39,19 +39,23 @@ def test_a_rollout_without_sumo_has_the_bits_of_one_with_it(scenario, ego):
     ]  # a fast ego among slow vehicles
     x[:8, 10] = np.linspace(-20.0, 20.0, 8)  # degrees: a neighbour that starts across its lane
     with problem.simulator() as simulator:
-        pairs = [(alone.run(a, int(s)), simulator.run(a, int(s))) for a, s in zip(x, noise, strict=True)]
+        pairs = [
+            (alone.run(a, int(s)), simulator.run(a, int(s))) for a, s in zip(x, noise_seeds, strict=True)
+        ]
     assert all(one == two for one, two in pairs)
     assert {"horizon", "collision"} <= {one.outcome for one, _ in pairs}
 
 
 def test_frozen_noise_and_given_noise_are_the_same_too(make_scenario):
-    frozen = make_scenario({'noise = "drawn"': 'noise = "frozen"', "horizon_s = 10.0": "horizon_s = 2.0"})
+    frozen = make_scenario(
+        {'noise_mode = "drawn"': 'noise_mode = "frozen"', "horizon_s = 10.0": "horizon_s = 2.0"}
+    )
     problem, alone = opened(frozen, "idm")
     x, _ = ce.draw(problem.base, 3, "estimate", 0, 0, 2)
     normals = np.random.default_rng(1).normal(size=(20, 6, 2))
     with problem.simulator() as simulator:
         assert alone.run(x[0], 5) == simulator.run(x[0], 6)
-        assert alone.run(x[1], normals) == simulator.run(x[1], normals)
+        assert alone.run(x[1], action_noise=normals) == simulator.run(x[1], action_noise=normals)
 
 
 def test_what_needs_sumo_is_refused(make_scenario):
@@ -73,7 +77,7 @@ def test_a_share_of_the_rollouts_is_compared_and_a_difference_ends_the_run(make_
         world.run(x[0], 2 * audited.EVERY)
         assert world.compared == 1
         honest = world._alone.run
-        world._alone.run = lambda x, noise: replace(honest(x, noise), f=np.nextafter(honest(x, noise).f, 0.0))
+        world._alone.run = lambda x, seed: replace(honest(x, seed), f=np.nextafter(honest(x, seed).f, 0.0))
         world.run(x[0], 7)
         with pytest.raises(SimulationError, match="same to the bit"):
             world.run(x[0], audited.EVERY)
@@ -82,19 +86,19 @@ def test_a_share_of_the_rollouts_is_compared_and_a_difference_ends_the_run(make_
 def test_searched_noise_is_a_part_of_x_and_the_same_in_both_worlds(make_scenario):
     """The vector's noise drives the rollout, whatever the seed; a search can move it."""
     drawn = make_scenario({"horizon_s = 10.0": "horizon_s = 2.0"})
-    searched = with_noise(drawn, "searched")
+    searched = with_noise_mode(drawn, "searched")
     problem, alone = opened(searched, "idm")
     base = problem.base
     assert base.dim == dimension(searched) == 24 + 404 + 20 * 6 * 2
     assert base.names is not None
     assert base.names[-1] == "env6.turn_rate_noise[19]"
-    x, noise = ce.draw(base, 3, "estimate", 0, 0, 3)
+    x, noise_seeds = ce.draw(base, 3, "estimate", 0, 0, 3)
     _, ordinary = opened(drawn, "idm")
     with problem.simulator() as simulator:
-        for row, seed in zip(x, noise, strict=True):
+        for row, seed in zip(x, noise_seeds, strict=True):
             one = alone.run(row, int(seed))
             assert one == simulator.run(row, int(seed)) == alone.run(row, int(seed) + 1)
-            assert one == ordinary.run(row[:428], row[428:].reshape(20, 6, 2).copy())
+            assert one == ordinary.run(row[:428], action_noise=row[428:].reshape(20, 6, 2).copy())
         moved = x[0].copy()
         moved[428:] *= -1.0
         assert alone.run(moved, 1).f != alone.run(x[0], 1).f
@@ -102,4 +106,4 @@ def test_searched_noise_is_a_part_of_x_and_the_same_in_both_worlds(make_scenario
 
 def test_too_much_noise_to_search_is_refused():
     with pytest.raises(ScenarioError, match="a search takes"):
-        with_noise(load_scenario("i80"), "searched")
+        with_noise_mode(load_scenario("i80"), "searched")

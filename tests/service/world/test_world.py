@@ -40,11 +40,13 @@ def make_world(road, drivers):
     return make
 
 
-def run(world: World, steps: int, action: tuple[float, float] = (0.0, 0.0), noise: np.ndarray | None = None):
+def run(
+    world: World, steps: int, action: tuple[float, float] = (0.0, 0.0), action_noise: np.ndarray | None = None
+):
     """Drive with a constant ego action; the statuses and times to collision of the steps + 1 states."""
     states = [world.observe()]
     for k in range(steps):
-        world.advance(*action, np.zeros((world.vehicles, 2)) if noise is None else noise[k])
+        world.advance(*action, np.zeros((world.vehicles, 2)) if action_noise is None else action_noise[k])
         states.append(world.observe())
     return states
 
@@ -172,12 +174,12 @@ def test_a_collision_of_the_ego_outweighs_leaving_the_road(make_world):
 def test_a_reset_leaves_nothing_of_the_rollout_before(make_world, drivers):
     starts = [start(100.0, 3), start(120.0, 3), start(140.0, 1)]
     world = make_world(starts)
-    noise = action_noise(1, 50, 3)
-    first = run(world, 50, noise=noise), world.agents.copy(), world.observations.copy()
+    normals = action_noise(1, 50, 3)
+    first = run(world, 50, action_noise=normals), world.agents.copy(), world.observations.copy()
     world.reset([start(50.0, 0), start(52.0, 0), start(1990.0, 5)], drivers.mu0 + 1.0)
-    run(world, 80, (1.0, 0.2), noise=action_noise(2, 80, 3))
+    run(world, 80, (1.0, 0.2), action_noise=action_noise(2, 80, 3))
     world.reset(starts, drivers.mu0)
-    again = run(world, 50, noise=noise), world.agents.copy(), world.observations.copy()
+    again = run(world, 50, action_noise=normals), world.agents.copy(), world.observations.copy()
     assert first[0] == again[0]
     assert first[1].tobytes() == again[1].tobytes()
     assert first[2].tobytes() == again[2].tobytes()

@@ -79,11 +79,11 @@ def timed(rounds: int, rollouts: int, folder: Path, tell: Callable[[str], None])
 def _own(ego: str, rollouts: int) -> float:
     """Simulated seconds a second of this core."""
     problem = Problem(make_job(load_scenario(SCENARIO), ego, 0.0, "naive", 1, {}))
-    x, noise = ce.draw(problem.base, 1, "estimate", 0, 0, rollouts)
+    x, noise_seeds = ce.draw(problem.base, 1, "estimate", 0, 0, rollouts)
     with problem.simulator() as simulator:
-        simulator.run(x[0], int(noise[0]))
+        simulator.run(x[0], int(noise_seeds[0]))
         began = time.process_time()
-        steps = sum(simulator.run(row, int(seed)).steps for row, seed in zip(x, noise, strict=True))
+        steps = sum(simulator.run(row, int(seed)).steps for row, seed in zip(x, noise_seeds, strict=True))
         taken = time.process_time() - began
     return steps * problem.job.scenario.time.step_s / taken
 

@@ -29,11 +29,11 @@ def records(make_scenario, tmp_path_factory):
     for ego in ("idm", "lidar"):
         job = make_job(make_scenario(), ego, 1.5, "naive", 1, {"budget": ROLLOUTS})
         problem = Problem(job)
-        x, noise = ce.draw(problem.base, problem.stream_seed, "estimate", 0, 0, ROLLOUTS)
+        x, noise_seeds = ce.draw(problem.base, problem.stream_seed, "estimate", 0, 0, ROLLOUTS)
         folder = tmp_path_factory.mktemp(ego)
         with RunDirectory.create(folder, (job,)) as store:
             with problem.simulator() as simulator:
-                store.append(job.id, "estimate", 0, run_chunk(simulator, Work(0, x, noise)))
+                store.append(job.id, "estimate", 0, run_chunk(simulator, Work(0, x, noise_seeds)))
             found.append((replay(store, job), folder))
     return found
 

@@ -30,11 +30,11 @@ def record(make_scenario, tmp_path_factory):
     """Naive Monte Carlo with 60 rollouts, and the folder of the run."""
     job = make_job(make_scenario(), "idm", 1.5, "naive", 1, {"budget": ROLLOUTS})
     problem = Problem(job)
-    x, noise = ce.draw(problem.base, problem.stream_seed, "estimate", 0, 0, ROLLOUTS)
+    x, noise_seeds = ce.draw(problem.base, problem.stream_seed, "estimate", 0, 0, ROLLOUTS)
     folder = tmp_path_factory.mktemp("run")
     with RunDirectory.create(folder, (job,)) as store:
         with problem.simulator() as simulator:
-            store.append(job.id, "estimate", 0, run_chunk(simulator, Work(0, x, noise)))
+            store.append(job.id, "estimate", 0, run_chunk(simulator, Work(0, x, noise_seeds)))
         return replay(store, job), folder
 
 
@@ -55,11 +55,11 @@ def test_the_likeliest_ranks_first(record, found):
     base = record[0].problem.base
     listed = found.failures.failures
     assert [f.rank for f in listed] == list(range(1, len(listed) + 1))
-    x, noise = zip(*found.examined.events.drawn(found.ranking[: len(listed)]), strict=True)
+    x, noise_seeds = zip(*found.examined.events.drawn(found.ranking[: len(listed)]), strict=True)
     density = base.log_density(np.array(x))
     assert density == pytest.approx([f.log_likelihood for f in listed])
     assert density.tolist() == sorted(density, reverse=True)
-    assert [str(n) for n in noise] == [f.noise_seed for f in listed]
+    assert [str(n) for n in noise_seeds] == [f.noise_seed for f in listed]
     starts = [f.starts_log_likelihood for f in listed]
     drivers = base.blocks[-1]
     assert [d - s for d, s in zip(density, starts, strict=True)] == pytest.approx(

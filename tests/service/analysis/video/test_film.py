@@ -21,9 +21,9 @@ from service.world.safety.measure import with_measure
 
 def traced(scenario) -> tuple[Trace, Problem, np.ndarray, int]:
     problem = Problem(make_job(scenario, "idm", 0.5, "naive", 1, {}))
-    x, noise = ce.draw(problem.base, 3, "estimate", 0, 0, 1)
+    x, noise_seeds = ce.draw(problem.base, 3, "estimate", 0, 0, 1)
     with problem.simulator() as simulator:
-        return record(problem, simulator, x[0], int(noise[0])), problem, x[0], int(noise[0])
+        return record(problem, simulator, x[0], int(noise_seeds[0])), problem, x[0], int(noise_seeds[0])
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +38,8 @@ def near(image: np.ndarray, colour: tuple[int, int, int]) -> np.ndarray:
 
 
 def test_there_is_a_picture_for_each_state_with_road_and_camera_side_by_side(short):
-    trace, problem, x, noise = short
-    view = EgoView(problem.job.scenario, problem.corridor, x, noise)
+    trace, problem, x, noise_seed = short
+    view = EgoView(problem.job.scenario, problem.corridor, x, noise_seed)
     images = list(pictures(trace, problem.corridor, "title", view))
     assert len(images) == len(trace.time_s) == 11
     assert {image.shape for image in images} == {(HEIGHT, WIDTH, 3)}

@@ -124,11 +124,11 @@ def test_a_rollout_that_chains_met_is_one_of_the_estimate(service, client: Clien
     job = client.submit("i80-10s", 0.5, ego="idm", method="splitting", budget=1000, seed=23).id
     client.wait(job)
     record = service.light.fleet.record(job)
-    (phase, iteration, row), (_, noise, f) = next(
+    (phase, iteration, row), (_, noise_seed, f) = next(
         item for item in record.explicit.items() if item[1][2] <= 0.5
     )
     found = client.rollout(job, row, iteration=iteration)
-    assert (found.phase, found.noise_seed, found.f, found.dangerous) == (phase, str(noise), f, True)
+    assert (found.phase, found.noise_seed, found.f, found.dangerous) == (phase, str(noise_seed), f, True)
     lost = next(i for i in range(1000) if (phase, iteration, i) not in record.explicit)
     with pytest.raises(Refused, match="neither dangerous nor failed"):
         client.rollout(job, lost, iteration=iteration)

@@ -28,11 +28,11 @@ ROW_S = 0.01  # what a light rollout says it has taken
 LIMIT_S = 120.0  # for anything that a test waits for
 
 
-def formula(noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def formula(noise_seeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """f and outcome of rollouts, by their noise seeds."""
-    f = (noise % 1_000_003) / 250_000.0
-    outcomes = (noise % 3).astype(np.uint8)
-    failed = noise % 997 == 0
+    f = (noise_seeds % 1_000_003) / 250_000.0
+    outcomes = (noise_seeds % 3).astype(np.uint8)
+    failed = noise_seeds % 997 == 0
     f[failed], outcomes[failed] = np.nan, FAILED
     return f, outcomes
 
@@ -64,13 +64,13 @@ class LightRunner:
 def light_answer(worker: str, lease: Lease) -> Answer:
     key = lease.chunk
     if isinstance(lease.rows, Drawn):
-        noise = ce.streams.noise_seeds(lease.rows.seed, key.phase, key.iteration, key.start, key.stop)
+        noise_seeds = ce.streams.noise_seeds(lease.rows.seed, key.phase, key.iteration, key.start, key.stop)
     else:
-        noise = np.frombuffer(lease.rows.noise, np.uint64)
-    f, outcomes = formula(noise)
+        noise_seeds = np.frombuffer(lease.rows.noise_seeds, np.uint64)
+    f, outcomes = formula(noise_seeds)
     errors = {int(i): "light" for i in np.flatnonzero(outcomes == FAILED)}
-    steps = (noise % 90).astype(np.int32)
-    chunk = Chunk(key.start, key.stop, f, outcomes, steps, errors, ROW_S * noise.size)
+    steps = (noise_seeds % 90).astype(np.int32)
+    chunk = Chunk(key.start, key.stop, f, outcomes, steps, errors, ROW_S * noise_seeds.size)
     return answer_of(worker, lease.lease, key, chunk)
 
 

@@ -42,12 +42,12 @@ ALGORITHMS = {
 }
 
 
-def formula(x: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict[int, str]]:
+def formula(x: np.ndarray, noise_seeds: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict[int, str]]:
     """f, outcomes and errors of rows: what every honest worker comes to."""
-    f = x[:, 0] + 0.5 * x[:, 1] + (noise % 1000) * 1e-5
-    failed = noise % 50 == 0
+    f = x[:, 0] + 0.5 * x[:, 1] + (noise_seeds % 1000) * 1e-5
+    failed = noise_seeds % 50 == 0
     f[failed] = np.nan
-    outcomes = np.where(failed, FAILED, noise % 3).astype(np.uint8)
+    outcomes = np.where(failed, FAILED, noise_seeds % 3).astype(np.uint8)
     return f, outcomes, {int(i): "no camera" for i in np.flatnonzero(failed)}
 
 
@@ -306,14 +306,14 @@ def answer(lease: Lease, worker: str, wrong: bool = False) -> Answer:
     key: ChunkKey = lease.chunk
     n = key.stop - key.start
     if isinstance(lease.rows, Drawn):
-        x, noise = drawn(lease.rows.parameters, lease.rows.seed, key.phase, key.iteration)
-        x, noise = x[key.start : key.stop], noise[key.start : key.stop]
+        x, noise_seeds = drawn(lease.rows.parameters, lease.rows.seed, key.phase, key.iteration)
+        x, noise_seeds = x[key.start : key.stop], noise_seeds[key.start : key.stop]
     else:
         x = np.frombuffer(lease.rows.x).reshape(n, -1)
-        noise = np.frombuffer(lease.rows.noise, np.uint64)
-    assert rows_digest(row_hashes(x, noise)) == key.digest
-    f, outcomes, errors = formula(x, noise)
+        noise_seeds = np.frombuffer(lease.rows.noise_seeds, np.uint64)
+    assert rows_digest(row_hashes(x, noise_seeds)) == key.digest
+    f, outcomes, errors = formula(x, noise_seeds)
     if wrong:
-        f = f + 0.4 * (noise % 2)  # so much that the search goes elsewhere
+        f = f + 0.4 * (noise_seeds % 2)  # so much that the search goes elsewhere
     chunk = Chunk(key.start, key.stop, f, outcomes, np.full(n, 9, np.int32), errors, 0.05 * n)
     return answer_of(worker, lease.lease, key, chunk)

@@ -96,7 +96,7 @@ def test_searched_noise_is_sent_by_value_and_can_be_run():
     carry_out_on(service, plan, Watch())
     sent = [job.scenario for job in service.jobs if isinstance(job.scenario, dict)]
     assert sent
-    assert all(scenario["drivers"]["noise"] == "searched" for scenario in sent)
+    assert all(scenario["drivers"]["noise_mode"] == "searched" for scenario in sent)
     assert sent[0]["format"] == 1
 
 

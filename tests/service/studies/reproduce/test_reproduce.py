@@ -36,8 +36,10 @@ def scenario_file(scenario_text, tmp_path_factory) -> str:
 @pytest.fixture
 def plan(scenario_file) -> Plan:
     run = Run(series="splitting", scenario=scenario_file, ego="idm", gamma=0.95, method="splitting",
-              options={"budget": 1000}, seed=1, noise="searched")  # fmt: skip
-    naive = msgspec.structs.replace(run, series="naive", method="naive", options={"budget": 40}, noise=None)
+              options={"budget": 1000}, seed=1, noise_mode="searched")  # fmt: skip
+    naive = msgspec.structs.replace(
+        run, series="naive", method="naive", options={"budget": 40}, noise_mode=None
+    )
     return Plan(name="tried", scale="smoke", title="A try", truth=Truth(scenario=scenario_file, ego="idm", rollouts=60),
                 gammas=(0.98, 0.95), runs=(run, naive))  # fmt: skip
 
@@ -136,7 +138,7 @@ def test_every_plan_has_jobs_that_can_be_made_at_every_scale(name):
     for scale in SCALES:
         for plan in plans_of(name, scale):
             for run in {
-                (r.method, r.noise, str(r.options)): r for r in plan.runs if r.ego != "vision"
+                (r.method, r.noise_mode, str(r.options)): r for r in plan.runs if r.ego != "vision"
             }.values():
                 assert run_as_job(run).options["budget"] == run.budget
             folders = [run.folder for run in plan.runs]

@@ -81,7 +81,7 @@ def test_the_picture_with_depth_is_the_picture_without(scene, poses, camera):
 
 
 def test_noise_comes_from_seed_and_frame_and_has_its_size(scene, poses, camera):
-    quiet = Camera(CameraSpec(noise_levels=0.0)).render(scene, poses, 0, CLEAR, 1, 0).astype(int)
+    quiet = Camera(CameraSpec(sensor_noise_levels=0.0)).render(scene, poses, 0, CLEAR, 1, 0).astype(int)
     one, other, later = (
         camera.render(scene, poses, 0, CLEAR, s, f).astype(int) for s, f in ((1, 0), (2, 0), (1, 1))
     )

@@ -103,13 +103,13 @@ class Watcher:
 def test_an_ego_that_wants_pictures_gets_one_a_step_in_the_weather_of_x(make_scenario, i80, drivers):
     scenario = make_scenario({"horizon_s = 10.0": "horizon_s = 0.5"}, more=WEATHER_TABLE)
     ego = Watcher()
-    x, noise = ce.draw(base_distribution(scenario, drivers), 1, "estimate", 0, 0, 1)
+    x, noise_seeds = ce.draw(base_distribution(scenario, drivers), 1, "estimate", 0, 0, 1)
     day, night = x[0].copy(), x[0].copy()
     day[24], night[24] = 50.0, -18.0
     with Simulator(scenario, i80, drivers, ego) as simulator:
         frames = []
         for draw in (day, night, day):
-            rollout = simulator.run(draw, int(noise[0]))
+            rollout = simulator.run(draw, int(noise_seeds[0]))
             assert rollout.error is None
             assert rollout.steps == len(ego.frames) == 5
             frames.append(np.array(ego.frames))

@@ -36,11 +36,11 @@ def scenario(make_scenario) -> Scenario:
 @pytest.fixture
 def rollouts(scenario, i80, drivers: DriverModel):
     """rollouts(ego, n): the first n rollouts of the scenario with that ego."""
-    x, noise = ce.draw(base_distribution(scenario, drivers), 3, "estimate", 0, 0, 16)
+    x, noise_seeds = ce.draw(base_distribution(scenario, drivers), 3, "estimate", 0, 0, 16)
 
     def run(ego: EgoPolicy, n: int) -> list[Rollout]:
         with Simulator(scenario, i80, drivers, ego) as simulator:
-            return [simulator.run(row, int(seed)) for row, seed in zip(x[:n], noise[:n], strict=True)]
+            return [simulator.run(row, int(seed)) for row, seed in zip(x[:n], noise_seeds[:n], strict=True)]
 
     return run
 
@@ -342,8 +342,8 @@ def test_worker_processes_share_one_service_and_end_when_they_are_done(
     found = {}
     for ego in ("idm", "zenoh:idm"):
         job = make_job(scenario, ego, 0.5, "naive", 1, {})
-        x, noise = ce.draw(Problem(job).base, 1, "estimate", 0, 0, 12)
-        work = [Work(i, x[i : i + 3], noise[i : i + 3]) for i in range(0, 12, 3)]
+        x, noise_seeds = ce.draw(Problem(job).base, 1, "estimate", 0, 0, 12)
+        work = [Work(i, x[i : i + 3], noise_seeds[i : i + 3]) for i in range(0, 12, 3)]
         with LocalPool(job, 2) as pool:
             chunks = sorted(pool.run(work), key=lambda chunk: chunk.start)
         found[ego] = [(chunk.f.tobytes(), chunk.errors) for chunk in chunks]

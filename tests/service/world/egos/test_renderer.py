@@ -52,7 +52,7 @@ def scenario(make_scenario):
 def test_a_rollout_with_the_renderer_in_another_process_has_the_same_bits(
     scenario, scenario_file, i80, drivers, address
 ):
-    x, noise = ce.draw(base_distribution(scenario, drivers), 3, "estimate", 0, 0, 2)
+    x, noise_seeds = ce.draw(base_distribution(scenario, drivers), 3, "estimate", 0, 0, 2)
     settings = EgoSettings(renderer=address, deadline_s=120.0, patience_s=120.0)
     command = [sys.executable, "-m", "service.world.egos.renderer", str(scenario_file), "--listen", address]
     found = {}
@@ -64,7 +64,7 @@ def test_a_rollout_with_the_renderer_in_another_process_has_the_same_bits(
                 ego = Looking()
                 with Simulator(scenario, i80, drivers, ego, open_camera=opener) as simulator:
                     rollouts, frames = [], []
-                    for row, seed in zip(x, noise, strict=True):
+                    for row, seed in zip(x, noise_seeds, strict=True):
                         rollouts.append(simulator.run(row, int(seed)))
                         frames += ego.frames
                 found[where] = rollouts, np.array(frames)
@@ -77,10 +77,10 @@ def test_a_rollout_with_the_renderer_in_another_process_has_the_same_bits(
 
 
 def test_a_missing_renderer_is_a_recorded_error(scenario, i80, drivers, address):
-    x, noise = ce.draw(base_distribution(scenario, drivers), 3, "estimate", 0, 0, 1)
+    x, noise_seeds = ce.draw(base_distribution(scenario, drivers), 3, "estimate", 0, 0, 1)
     opener = camera_elsewhere(scenario, EgoSettings(renderer=address, patience_s=0.2))
     with Simulator(scenario, i80, drivers, Looking(), open_camera=opener) as simulator:
-        rollout = simulator.run(x[0], int(noise[0]))
+        rollout = simulator.run(x[0], int(noise_seeds[0]))
     assert rollout.error is not None
     assert "can be reached at" in rollout.error
 

@@ -23,11 +23,11 @@ def test_it_follows_a_slower_vehicle_ahead_in_its_lane_without_touching_it(make_
         }
     )  # fmt: skip
     problem = Problem(make_job(scenario, f"sumo:{model}", 0.5, "naive", 3, {}))
-    x, noise = ce.draw(problem.base, 3, "estimate", 0, 0, 1)
+    x, noise_seeds = ce.draw(problem.base, 3, "estimate", 0, 0, 1)
     x[0, :4] = 115.0, 0.0, 0.0, 18.0
     x[0, 8:12] = 150.0, 0.0, 0.0, 13.0
     with problem.simulator() as simulator:
-        traced = trace.record(problem, simulator, x[0], int(noise[0]))
+        traced = trace.record(problem, simulator, x[0], int(noise_seeds[0]))
     assert traced.rollout.outcome == "horizon", traced.rollout
     gap = traced.station_m[:, 2] - traced.station_m[:, 0] - 4.5
     speed = np.diff(traced.station_m[:, 0]) / 0.1
@@ -37,10 +37,10 @@ def test_it_follows_a_slower_vehicle_ahead_in_its_lane_without_touching_it(make_
 
 def test_it_drives_at_its_desired_speed_on_a_free_lane(make_scenario):
     problem = Problem(make_job(make_scenario(), "sumo:IDM", 0.5, "naive", 3, {}))
-    x, noise = ce.draw(problem.base, 3, "estimate", 0, 0, 1)
+    x, noise_seeds = ce.draw(problem.base, 3, "estimate", 0, 0, 1)
     with problem.simulator() as simulator:
-        first = simulator.run(x[0], int(noise[0]))
-        traced = trace.record(problem, simulator, x[0], int(noise[0]))
+        first = simulator.run(x[0], int(noise_seeds[0]))
+        traced = trace.record(problem, simulator, x[0], int(noise_seeds[0]))
     assert first == traced.rollout
     speed = np.diff(traced.station_m[:, 0]) / 0.1
     assert speed[-1] > speed[0] + 2.0

@@ -28,10 +28,12 @@ def test_f_is_the_smallest_value_of_the_trace_and_the_same_bits_again(make_scena
     job = make_job(scenario, "idm", 0.5, "naive", 1, {})
     assert msgspec.json.decode(msgspec.json.encode(job), type=Job) == job
     problem = Problem(job)
-    x, noise = ce.draw(problem.base, 1, "estimate", 0, 0, 3)
+    x, noise_seeds = ce.draw(problem.base, 1, "estimate", 0, 0, 3)
     with problem.simulator() as simulator:
-        traces = [record(problem, simulator, row, int(seed)) for row, seed in zip(x, noise, strict=True)]
-        again = [simulator.run(row, int(seed)) for row, seed in zip(x, noise, strict=True)]
+        traces = [
+            record(problem, simulator, row, int(seed)) for row, seed in zip(x, noise_seeds, strict=True)
+        ]
+        again = [simulator.run(row, int(seed)) for row, seed in zip(x, noise_seeds, strict=True)]
     for trace, second in zip(traces, again, strict=True):
         assert trace.rollout.error is None
         assert trace.rollout == second
@@ -47,10 +49,10 @@ def test_the_formula_of_the_time_to_collision_is_the_time_to_collision(make_scen
     f = {}
     for measure in ("ttc", "stl: always(ttc_s >= 0.25)", "box-ttc", "stl: always(box_ttc_s > 0)"):
         problem = Problem(make_job(with_measure(scenario, measure), "idm", 0.5, "naive", 1, {}))
-        x, noise = ce.draw(problem.base, 1, "estimate", 0, 0, 5)
+        x, noise_seeds = ce.draw(problem.base, 1, "estimate", 0, 0, 5)
         with problem.simulator() as simulator:
             f[measure] = [
-                min(simulator.run(row, int(seed)).f, 1000.0) for row, seed in zip(x, noise, strict=True)
+                min(simulator.run(row, int(seed)).f, 1000.0) for row, seed in zip(x, noise_seeds, strict=True)
             ]
     margins = [value - 0.25 for value in f["ttc"]]
     assert [v for v in f["stl: always(ttc_s >= 0.25)"] if v < 999] == [v for v in margins if v < 999]
@@ -63,9 +65,11 @@ def test_background_traffic_is_measured_too(make_scenario):
     for more in ("", BACKGROUND):
         scenario = with_measure(make_scenario(TWO_SECONDS, more), "stl: always(clearance_m >= 0)")
         problem = Problem(make_job(scenario, "idm", 0.5, "naive", 1, {}))
-        x, noise = ce.draw(problem.base, 1, "estimate", 0, 0, 6)
+        x, noise_seeds = ce.draw(problem.base, 1, "estimate", 0, 0, 6)
         with problem.simulator() as simulator:
-            closest.append([simulator.run(row, int(seed)).f for row, seed in zip(x, noise, strict=True)])
+            closest.append(
+                [simulator.run(row, int(seed)).f for row, seed in zip(x, noise_seeds, strict=True)]
+            )
     alone, among = (np.array(values) for values in closest)
     assert (alone < 1000.0).all()
     assert (among < 1000.0).all()
@@ -106,9 +110,9 @@ def test_a_scenario_file_names_its_measure_and_its_parameters(make_scenario):
 def test_a_failed_rollout_has_no_value(make_scenario):
     scenario = with_measure(make_scenario(TWO_SECONDS), "rss")
     problem = Problem(make_job(scenario, "idm", 0.5, "naive", 1, {}))
-    x, noise = ce.draw(problem.base, 1, "estimate", 0, 0, 1)
+    x, noise_seeds = ce.draw(problem.base, 1, "estimate", 0, 0, 1)
     with problem.simulator() as simulator:
-        trace = record(problem, simulator, np.full_like(x[0], np.nan), int(noise[0]))
+        trace = record(problem, simulator, np.full_like(x[0], np.nan), int(noise_seeds[0]))
     assert trace.rollout.error is not None
     assert math.isnan(trace.rollout.f)
     assert np.isnan(trace.measured).all()
