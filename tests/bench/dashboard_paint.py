@@ -29,6 +29,7 @@ import ce
 from service.evaluation.job import Problem, make_job
 from service.evaluation.store import Chunk, Origin
 from service.evaluation.store.jobs import JobStore
+from service.evaluation.store.states import LastState
 from service.remote.client import Client, NoAnswer
 from service.world.scenario import load_scenario
 from tests.service.remote.fleet.light import free_port
@@ -64,7 +65,9 @@ def write_job(home: Path, rollouts: int, keep: bool = True) -> str:
             problem = Problem(job)
             begun = problem.algorithm.init(problem.stream_seed)
             last = msgspec.structs.replace(begun, f=f, interim_at=rollouts, done=True)
-            store.keep_state("jmillion", 0, -(-rollouts // BATCH), problem.algorithm.to_bytes(last))
+            record = store.chunks.digest("jmillion")
+            state = problem.algorithm.to_bytes(last)
+            store.states.keep(LastState("jmillion", 0, -(-rollouts // BATCH), record, state))
         small = ce.Product([ce.Beta(2.0, 2.0)])  # the records follow from f alone
         naive = ce.algorithm("naive", small, 0.01, ce.OPTIONS["naive"](**options))
         state, records = naive.init(1), []

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
-from importlib.metadata import version
 from typing import Any
 
 import msgspec
@@ -17,6 +16,7 @@ from service.evaluation.store.chunk import Chunk, Origin
 from service.evaluation.store.claim import Claim
 from service.evaluation.store.database import LOCK_WAIT_S, insert_once, open_engine, reason, shown, writing
 from service.evaluation.store.records import ChunkRecord
+from service.evaluation.store.states import StateRecord
 from service.evaluation.store.tables import (
     audits,
     chunks,
@@ -24,10 +24,10 @@ from service.evaluation.store.tables import (
     iterations,
     jobs,
     quarantine,
-    states,
     voids,
 )
 
+OPEN = ("running", "paused")  # statuses of jobs that are not over
 STATUS = "status"  # the kind of event whose last one is the job's status
 _STATUS = (
     sa.select(events.c.body)
@@ -75,12 +75,30 @@ class AuditRow(msgspec.Struct, frozen=True):
     worker: str
 
 
+class Mark(msgspec.Struct, frozen=True):
+    """How a job's record is at a moment. Nothing in a record is changed or removed: equal marks are of equal records.
+
+    epoch: how often chunks were voided; chunks: ever recorded; voided: of those
+    """
+
+    status: str
+    epoch: int
+    chunks: int
+    voided: int
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing will be recorded any more, unless chunks are voided."""
+        return self.status not in OPEN
+
+
 class JobStore:
     """The database of a fleet; any number of readers, one scheduler that writes."""
 
     def __init__(self, url: str, lock_wait_s: float = LOCK_WAIT_S):
         self._engine = open_engine(url, lock_wait_s)
         self.chunks = ChunkRecord(self._engine)
+        self.states = StateRecord(self._engine)
 
     def close(self) -> None:
         self._engine.dispose()
@@ -165,6 +183,20 @@ class JobStore:
         (row,) = self._read(sa.select(sa.func.max(voids.c.next_epoch)).where(voids.c.job == job_id))
         return row[0] or 0
 
+    def mark(self, job_id: str) -> Mark:
+        """How the job's record is now, all of one moment."""
+        of_job = [
+            sa.select(kind).where(table.c.job == job_id).scalar_subquery()
+            for kind, table in (
+                (sa.func.max(voids.c.next_epoch), voids),
+                (sa.func.count(), chunks),
+                (sa.func.count(), voids),
+            )
+        ]
+        (row,) = self._read(sa.select(jobs.c.id, _STATUS, *of_job).where(jobs.c.id == job_id))
+        _, status, epoch, recorded, voided = row
+        return Mark(msgspec.json.decode(status)["status"], epoch or 0, recorded, voided)
+
     def cost(self, job_id: str) -> tuple[float, int]:
         """What the job's rollouts in the record have taken: worker seconds, and simulated steps."""
         worker_s, steps = 0.0, 0
@@ -198,21 +230,13 @@ class JobStore:
         )
         return [{"number": row.number, **msgspec.json.decode(row.record)} for row in self._read(query)]
 
-    def keep_state(self, job_id: str, epoch: int, number: int, state: bytes) -> None:
-        """Keep the state that an epoch of the job has come to after `number` batches; one that is kept stays."""
-        row = {"job": job_id, "epoch": epoch, "tailroad": version("tailroad"), "number": number, "state": state,
-               "at": _now()}  # fmt: skip
-        with self._write("keep a job's state") as connection:
-            connection.execute(insert_once(self._engine, states), [row])
-
-    def kept_state(self, job_id: str) -> tuple[int, int, bytes] | None:
-        """(epoch, number, state) of the job's present epoch, where this version of tailroad has kept one."""
-        query = (
-            sa.select(states.c.epoch, states.c.number, states.c.state)
-            .where(states.c.job == job_id, states.c.epoch == self.epoch(job_id))
-            .where(states.c.tailroad == version("tailroad"))
+    def batches(self, job_id: str, epoch: int) -> int:
+        """How many batches of an epoch are known to be complete."""
+        query = sa.select(sa.func.max(iterations.c.number)).where(
+            iterations.c.job == job_id, iterations.c.epoch == epoch
         )
-        return next(((row.epoch, row.number, row.state) for row in self._read(query)), None)
+        (row,) = self._read(query)
+        return 0 if row[0] is None else row[0] + 1
 
     def add_audits(self, agreed: Iterable[AuditRow]) -> None:
         """Record chunks that a second worker ran to the same bits."""

@@ -1,5 +1,6 @@
 """The chunks of a database: added once, read back to the bit."""
 
+import hashlib
 from collections.abc import Iterable, Iterator
 
 import sqlalchemy as sa
@@ -50,6 +51,16 @@ class ChunkRecord:
         query = self._of(job).order_by(chunks.c.phase, chunks.c.iteration, chunks.c.start, chunks.c.epoch)
         for row in self._read(query):
             yield row.phase, row.iteration, chunk_of(row), Origin(row.digest, row.worker, row.epoch)
+
+    def digest(self, job: str) -> str:
+        """Of all that decides what the job comes to: its chunks' rows, draws, values and epochs."""
+        digest = hashlib.blake2b(digest_size=16)
+        for phase, iteration, chunk, origin in self.with_origins(job):
+            digest.update(
+                repr((phase, iteration, chunk.start, chunk.stop, origin.epoch, origin.digest)).encode()
+            )
+            digest.update(chunk.fingerprint())
+        return digest.hexdigest()
 
     def _of(self, job: str) -> sa.Select:
         same = sa.and_(*(chunks.c[name] == voids.c[name] for name in _KEY))

@@ -1,12 +1,13 @@
 """The tables of a record, the same in SQLite and PostgreSQL. Rows are added, never changed or removed.
 
 A chunk counts unless it is voided: a chunk of a worker that was found wrong is voided, and run again in the job's next
-epoch. Of iterations the last row counts. States only spare a replay: what they say follows from the chunks.
+epoch. Of iterations the last row counts. States only spare a replay: what they say follows from the chunks, and
+one that does not match them is replaced.
 """
 
 import sqlalchemy as sa
 
-VERSION = "0003"  # the newest of migrations/versions
+VERSION = "0004"  # the newest of migrations/versions
 
 metadata = sa.MetaData()
 
@@ -109,4 +110,6 @@ states = sa.Table(
         "state", sa.LargeBinary, nullable=False
     ),  # of the algorithm after them, as its to_bytes writes it
     sa.Column("at", sa.Text, nullable=False),
+    sa.Column("record", sa.Text, nullable=False, server_default=""),  # digest of the chunks it follows from
+    sa.Column("checksum", sa.Text, nullable=False, server_default=""),  # of all the row says
 )

@@ -4,10 +4,11 @@ import threading
 from collections import OrderedDict
 
 from service.evaluation.record import JobRecord
+from service.evaluation.store.jobs import Mark
 from service.remote.fleet.service import Fleet
 
 KEPT = 4
-State = tuple[str, str, int | None]  # job, status, rollouts: what a record is of
+State = tuple[str, Mark]  # a job and how its record is: equal ones give equal answers
 
 
 class Records:
@@ -20,8 +21,7 @@ class Records:
 
     def state(self, job: str) -> State:
         """What a record of the job would be of now; NoSuchJob where there is no such job."""
-        view = self.fleet.job(job)
-        return job, view.status, view.rollouts
+        return job, self.fleet.mark(job)
 
     def record(self, state: State, gamma: float | None = None) -> JobRecord:
         """The record; gamma: of the event f <= gamma instead of the job's own."""

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import ce
 from service.errors import StoreError, TailroadError
 from service.evaluation.job import held_bytes
-from service.evaluation.store.jobs import AuditRow, Event, JobRow, JobStore
+from service.evaluation.store.jobs import OPEN, AuditRow, Event, JobRow, JobStore
 from service.remote.fleet import events as E
 from service.remote.fleet.answers import chunk_of
 from service.remote.fleet.messages import (
@@ -34,7 +34,7 @@ from service.remote.fleet.messages import (
 )
 from service.remote.fleet.policy import STANDARD, Policy
 from service.remote.fleet.scheduler import Scheduler
-from service.remote.fleet.statistics import Statistics
+from service.remote.fleet.statistics import Statistics, Stopping
 from service.remote.fleet.versions import digests, versions
 from service.world.egos.open import REMOTE
 
@@ -42,7 +42,6 @@ TICK_S = 0.25
 LONGEST_STEP_S = 5.0  # between two readings of the clock; more is a jump, or a machine that slept
 RETRY_S = 1.0  # until a database that took nothing is tried again
 GROUP = 512  # events that are taken together
-OPEN = ("running", "paused")  # statuses of jobs that are not over
 
 log = logging.getLogger("tailroad.hub")
 T = TypeVar("T")
@@ -106,6 +105,7 @@ class Hub:
         self._listeners: list[Callable[[Event], None]] = []
         self._pool = ThreadPoolExecutor(statistics_threads, thread_name_prefix="statistics")
         self._thread = threading.Thread(target=self._run, name="hub")
+        self._healing = threading.Thread(target=self._heal, name="healing")
         self._stopping = False
         self._on_death = on_death
         self._dead = False
@@ -117,12 +117,15 @@ class Hub:
         for row in self.store.jobs_with(OPEN):
             self.take_up(row)
         self._thread.start()
+        self._healing.start()
 
     def stop(self) -> None:
         """End the thread; what is in the database is all that a new hub needs."""
         self._stopping = True
         self._inbox.put(None)
         self._thread.join()
+        self.statistics.stop()
+        self._healing.join()
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def take_up(self, row: JobRow) -> None:
@@ -181,8 +184,6 @@ class Hub:
         except (TailroadError, ValueError, OSError) as error:
             reply = Refused(str(error))
         answer(encode(reply))
-        if not self._is_open(job):
-            self.statistics.forget(job)
 
     # -- the thread ------------------------------------------------------------------------------------------
 
@@ -241,7 +242,7 @@ class Hub:
         for instruction in self._scheduler.handle(self._time.now(), event):
             self._do(instruction)
         if isinstance(event, E.Opened | E.Stepped) and not self._is_open(event.job):
-            self.statistics.forget(event.job)  # it was over before this came
+            self.statistics.end(event.job)  # it was over before this came
 
     def _is_open(self, job: str) -> bool:
         """From any thread."""
@@ -272,6 +273,8 @@ class Hub:
             return
         try:
             epoch, replay = self.statistics.open(job)
+        except Stopping:
+            return
         except Exception as error:  # whatever it is, it is the job's end and nobody else's
             log.exception("job %s cannot be opened", job)
             self.post(E.Broken(job, generation, f"{type(error).__name__}: {error}"))
@@ -282,6 +285,8 @@ class Hub:
         job, generation = instruction.job, instruction.generation
         try:
             replay = self.statistics.step(job, instruction.turn)
+        except Stopping:
+            return
         except Exception as error:  # as above
             log.exception("job %s cannot go on", job)
             self.post(E.Broken(job, generation, f"{type(error).__name__}: {error}"))
@@ -293,6 +298,12 @@ class Hub:
             self.statistics.keep(job)
         except Exception:  # it only spares a replay
             log.exception("what job %s came to is not kept", job)
+
+    def _heal(self) -> None:
+        try:
+            self.statistics.heal()
+        except Exception:  # states without a checksum are not used, with or without this
+            log.exception("the kept states of earlier jobs are not checked")
 
     # -- the database ----------------------------------------------------------------------------------------
 
@@ -330,9 +341,9 @@ class Hub:
             self._written()
             self._publish(event)
             if first.status not in OPEN:
+                self.statistics.end(first.job)
                 if first.status == "done" and not self._stopping:
                     self._pool.submit(self._keep, first.job)
-                self.statistics.forget(first.job)
         elif kind == "Tell":
             event = self.store.add_event(first.job, first.kind, first.body)
             self._written()

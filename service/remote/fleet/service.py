@@ -14,7 +14,7 @@ import ce
 from service.errors import InputError
 from service.evaluation.job import Job
 from service.evaluation.record import JobRecord, replay
-from service.evaluation.store.jobs import Event, JobRow
+from service.evaluation.store.jobs import Event, JobRow, Mark
 from service.evaluation.store.reader import JobReader
 from service.evaluation.summary import Cost, summary_of
 from service.remote.fleet import events as E
@@ -140,6 +140,10 @@ class Fleet:
         self._tell(job, E.Resumed(job))
 
     # -- what they come to -----------------------------------------------------------------------------------
+
+    def mark(self, job: str) -> Mark:
+        """How the job's record is now: what follows from it is the same while this is the same."""
+        return self._store.mark(self._row(job).id)
 
     def at_hand(self, job: str) -> bool:
         """Whether estimate and curve answer at once, without replaying the record."""

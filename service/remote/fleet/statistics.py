@@ -1,24 +1,54 @@
 """The jobs' algorithms at work for the hub: a job is opened from its record, takes in a batch, is asked meanwhile.
 
-What a job that is over has come to is kept in the database, too: when the service has begun anew, its record need not
-be replayed, which takes minutes for a million rollouts. It follows from the record: to lose it costs time alone.
+Where an open job stands is the hub's to say, by `open` and `step`. Whoever asks for a job that the hub does not have at
+work gets what its record comes to, and changes nothing: whether the job is over is told by the database, never by what
+happens to be in memory. What a job that is over has come to is kept in the database, too, so that its record need not
+be replayed when the service has begun anew; that state is used only where it is of the record as it is now.
 """
 
 import logging
 import threading
 from collections import OrderedDict
+from dataclasses import dataclass, replace
 
 from ce import StateError
-from service.errors import StoreError
+from ce.errors import CeError
+from service.errors import StoreError, TailroadError
 from service.evaluation.job import Problem
-from service.evaluation.store.jobs import JobStore
+from service.evaluation.store import Chunk, Origin
+from service.evaluation.store.jobs import JobStore, Mark
+from service.evaluation.store.states import KeptState, LastState
 from service.remote.fleet.errors import NoSuchJob
 from service.remote.fleet.turns import ReadChunks, Replay, Turn, next_turn, open_turn
 
-KEPT = 8  # jobs that are over and still at hand
+KEPT = 8  # jobs that the hub does not have at work and whose states are still in memory
 MOST_BYTES = 250_000_000  # of a state in the database; what is larger is replayed
 
 log = logging.getLogger("tailroad.statistics")
+
+
+class Stopping(StoreError):
+    """The service stops while a record is being replayed."""
+
+    def __init__(self) -> None:
+        super().__init__("the service stops")
+
+
+@dataclass(frozen=True)
+class _Read:
+    """A turn, without its batch, of a job that the hub does not have at work.
+
+    finished: the algorithm has nothing left to propose; mark: of the record that the turn is of, None where the hub has
+    left it here: then it is finished, and nothing but a new epoch changes it.
+    """
+
+    turn: Turn
+    epoch: int
+    finished: bool
+    mark: Mark | None
+
+    def is_of(self, mark: Mark) -> bool:
+        return self.epoch == mark.epoch and (self.finished or self.mark == mark)
 
 
 class Statistics:
@@ -27,117 +57,197 @@ class Statistics:
     def __init__(self, store: JobStore):
         self._store = store
         self._lock = threading.Lock()
-        self._opening: dict[str, threading.Lock] = {}
-        self._problems: dict[str, Problem] = {}
-        self._turns: dict[str, Turn] = {}
-        self._epochs: dict[str, int] = {}  # of the turns
-        self._over: OrderedDict[str, None] = OrderedDict()
+        self._reading: dict[str, threading.Lock] = {}  # a long record is replayed once for all who ask
+        self._problems: OrderedDict[str, Problem] = OrderedDict()
+        self._open: dict[str, tuple[int, Turn]] = {}  # at work: epoch and turn
+        self._read: OrderedDict[str, _Read] = OrderedDict()
+        self._stopping = threading.Event()
 
     def problem(self, job: str) -> Problem:
         """The job's problem; NoSuchJob for a job that there is not."""
         with self._lock:
             if job in self._problems:
+                self._problems.move_to_end(job)
                 return self._problems[job]
         row = self._store.job(job)
         if row is None:
             raise NoSuchJob(job)
         problem = Problem(row.job)
         with self._lock:
-            return self._problems.setdefault(job, problem)
+            problem = self._problems.setdefault(job, problem)
+            others = [name for name in self._problems if name != job and name not in self._open]
+            for name in others[: max(len(others) - KEPT, 0)]:
+                del self._problems[name]
+        return problem
+
+    def stop(self) -> None:
+        """End what is being replayed: `Stopping` is raised where that is."""
+        self._stopping.set()
+
+    # -- for the hub -----------------------------------------------------------------------------------------
 
     def open(self, job: str) -> tuple[int, Replay]:
         """Replay the job's record; its epoch, and where the record takes it."""
         problem, epoch = self.problem(job), self._store.epoch(job)
         replay = open_turn(problem.algorithm, problem.stream_seed, epoch, self._reader(job))
-        self._keep(job, epoch, replay)
+        self._enter(job, epoch, replay)
         return epoch, replay
 
     def step(self, job: str, turn: Turn) -> Replay:
         """Take in the turn's batch."""
         problem, epoch = self.problem(job), self._store.epoch(job)
         replay = next_turn(problem.algorithm, turn, epoch, self._reader(job))
-        self._keep(job, epoch, replay)
+        self._enter(job, epoch, replay)
         return replay
 
-    def _reader(self, job: str) -> ReadChunks:
-        return lambda phase, iteration, start, stop: self._store.chunks.chunks(
-            job, phase, iteration, start, stop
-        )
+    def _enter(self, job: str, epoch: int, replay: Replay) -> None:
+        if replay.stale:
+            self._store.void(job, replay.stale, epoch, "of rows that the job does not have any more")
+        with self._lock:
+            known_epoch, known = self._open.get(job, (-1, replay.turn))
+            if epoch > known_epoch or (epoch == known_epoch and replay.turn.number >= known.number):
+                self._open[job] = epoch, replay.turn  # else it is an answer to a question of before
 
-    def at_hand(self, job: str) -> bool:
-        """Whether `last` answers at once."""
+    def end(self, job: str) -> None:
+        """The hub has the job at work no more. What it has finished is kept for a while; what it has not is read from
+        the record when it is asked for."""
         with self._lock:
-            return job in self._turns
-
-    def last(self, job: str) -> tuple[Problem, Turn]:
-        """The job's problem and its last turn; of a job that is over as it was kept, else replayed."""
-        problem = self.problem(job)
-        with self._lock:
-            turn = self._turns.get(job)
-            opening = self._opening.setdefault(job, threading.Lock())
-        if turn is not None:
-            return problem, turn
-        with opening:  # a long record is replayed once for all who ask
-            with self._lock:
-                turn = self._turns.get(job)
-            if turn is None:  # it is over, else its turn would be here
-                turn = self._kept(problem, job) or self._replayed(problem, job)
-                self.forget(job)
-        with self._lock:
-            self._opening.pop(job, None)
-        return problem, turn
+            epoch, turn = self._open.pop(job, (0, None))
+            if turn is not None and turn.batch is None:
+                self._remember(job, _Read(turn, epoch, True, None))
 
     def keep(self, job: str) -> None:
         """Write down what a job that is done has come to, where it is still at hand."""
         with self._lock:
-            turn, problem, epoch = self._turns.get(job), self._problems.get(job), self._epochs.get(job, 0)
-        if turn is not None and problem is not None and turn.batch is None:  # else it was taken up again
-            self._write_down(problem, job, epoch, turn)
+            known = self._read.get(job)
+        mark = self._store.mark(job)
+        if known is not None and known.finished and mark.over and known.epoch == mark.epoch:
+            record = self._store.chunks.digest(
+                job
+            )  # if chunks are voided now, the epoch is not the present one
+            self._write_down(self.problem(job), job, known.epoch, record, known.turn)
 
-    def _kept(self, problem: Problem, job: str) -> Turn | None:
-        kept = self._store.kept_state(job)
-        if kept is None:
-            return None
-        epoch, number, data = kept
-        try:
-            turn = Turn(number, problem.algorithm.from_bytes(data), None)
-        except StateError as error:
-            log.warning("job %s: what was kept of it cannot be used, it is replayed: %s", job, error)
-            return None
+    # -- for whoever asks ------------------------------------------------------------------------------------
+
+    def at_hand(self, job: str) -> bool:
+        """Whether `last` answers at once."""
         with self._lock:
-            self._turns[job], self._epochs[job] = turn, epoch
-        return turn
+            if job in self._open:
+                return True
+            known = self._read.get(job)
+        return known is not None and known.is_of(self._store.mark(job))
 
-    def _replayed(self, problem: Problem, job: str) -> Turn:
-        epoch, replay = self.open(job)
-        self._write_down(problem, job, epoch, replay.turn)
-        return replay.turn
+    def last(self, job: str) -> tuple[Problem, Turn]:
+        """The job's problem and its last turn: the hub's where that has the job at work, else what its record comes
+        to."""
+        problem = self.problem(job)
+        with self._lock:
+            if job in self._open:
+                return problem, self._open[job][1]
+            reading = self._reading.setdefault(job, threading.Lock())
+        with reading:
+            turn = self._from_record(problem, job)
+        with self._lock:
+            self._reading.pop(job, None)
+        return problem, turn
 
-    def _write_down(self, problem: Problem, job: str, epoch: int, turn: Turn) -> None:
+    def heal(self) -> None:
+        """Make sound the states that were kept before there were checksums: each is compared with what the job's chunks
+        come to, and replaced. A wrong one is told of in the log."""
+        for job in self._store.states.without_checksum():
+            try:
+                self.last(job)
+            except (TailroadError, CeError, ValueError, OSError) as error:
+                if self._stopping.is_set():
+                    return
+                log.warning("job %s: the state kept of it cannot be checked, and is not used: %s", job, error)
+
+    def _from_record(self, problem: Problem, job: str) -> Turn:
+        while True:
+            mark = self._store.mark(job)
+            with self._lock:
+                if job in self._open:
+                    return self._open[job][1]
+                known = self._read.get(job)
+            if known is None or not known.is_of(mark):
+                try:
+                    known = (self._ended if mark.over else self._replayed)(problem, job, mark)
+                except StoreError:
+                    if self._store.mark(job).epoch == mark.epoch:
+                        raise
+                    continue  # chunks were voided meanwhile: what was read was of two epochs
+            with self._lock:
+                self._remember(job, known)
+            return known.turn
+
+    def _replayed(self, problem: Problem, job: str, mark: Mark) -> _Read:
+        """As far as the record goes; nothing is changed in it."""
+        replay = open_turn(problem.algorithm, problem.stream_seed, mark.epoch, self._reader(job))
+        return _Read(replay.turn, mark.epoch, replay.turn.batch is None, mark)
+
+    def _ended(self, problem: Problem, job: str, mark: Mark) -> _Read:
+        """Of a job that is over: its kept state where that is of the record, else replayed, and kept."""
+        record = self._store.chunks.digest(job)
+        kept = self._store.states.kept(job, mark.epoch)
+        wrong = self._wrong(kept, mark, record) if kept is not None else ""
+        if kept is not None and not wrong:
+            try:
+                state = problem.algorithm.from_bytes(kept.last.state)
+                return _Read(Turn(kept.last.number, state, None), mark.epoch, mark.status == "done", mark)
+            except StateError as error:
+                wrong = str(error)
+        read = self._replayed(problem, job, mark)
+        self._write_down(problem, job, mark.epoch, record, read.turn)
+        if kept is not None:
+            _tell_healed(job, kept, wrong, read.turn.number, problem.algorithm.to_bytes(read.turn.state))
+        return read
+
+    def _wrong(self, kept: KeptState, mark: Mark, record: str) -> str:
+        """Why a kept state is not to be used, "" for one that is."""
+        if not kept.sound:
+            return "it has no checksum that holds"
+        if kept.last.record != record:
+            return "it is not of the job's record"
+        batches = self._store.batches(kept.last.job, kept.last.epoch)
+        if mark.status == "done" and kept.last.number != batches:
+            return f"it is of {kept.last.number} batches, and the job has {batches}"
+        return ""
+
+    def _write_down(self, problem: Problem, job: str, epoch: int, record: str, turn: Turn) -> None:
         data = problem.algorithm.to_bytes(turn.state)
         if len(data) > MOST_BYTES:
             return
         try:
-            self._store.keep_state(job, epoch, turn.number, data)
+            self._store.states.keep(LastState(job, epoch, turn.number, record, data))
         except StoreError as error:
             log.warning("job %s: %s; its record will be replayed", job, error)
 
-    def forget(self, job: str) -> None:
-        """The job is over: its state, without its batch, is kept for a while, and then read from the record again when
-        it is asked for."""
-        with self._lock:
-            if (turn := self._turns.get(job)) is not None:
-                self._turns[job] = Turn(turn.number, turn.state, None)
-            self._over[job] = None
-            self._over.move_to_end(job)
-            while len(self._over) > KEPT:
-                old, _ = self._over.popitem(last=False)
-                self._problems.pop(old, None)
-                self._turns.pop(old, None)
-                self._epochs.pop(old, None)
+    def _remember(self, job: str, read: _Read) -> None:
+        """Under the lock."""
+        self._read[job] = replace(read, turn=Turn(read.turn.number, read.turn.state, None))
+        self._read.move_to_end(job)
+        while len(self._read) > KEPT:
+            self._read.popitem(last=False)
 
-    def _keep(self, job: str, epoch: int, replay: Replay) -> None:
-        if replay.stale:
-            self._store.void(job, replay.stale, epoch, "of rows that the job does not have any more")
-        with self._lock:
-            self._turns[job], self._epochs[job] = replay.turn, epoch
+    def _reader(self, job: str) -> ReadChunks:
+        def read(phase: str, iteration: int, start: int, stop: int) -> list[tuple[Chunk, Origin]]:
+            if self._stopping.is_set():
+                raise Stopping
+            return self._store.chunks.chunks(job, phase, iteration, start, stop)
+
+        return read
+
+
+def _tell_healed(job: str, kept: KeptState, wrong: str, batches: int, state: bytes) -> None:
+    """What a kept state said that was not used, beside what the job's chunks come to."""
+    if (kept.last.number, kept.last.state) == (batches, state):
+        log.info("job %s: the state kept of it is what its record comes to; it has its checksum now", job)
+        return
+    log.warning(
+        "job %s: the state kept of it (after %d batches) was not used, as %s; it is made again from the job's chunks "
+        "(after %d batches)",
+        job,
+        kept.last.number,
+        wrong,
+        batches,
+    )

@@ -132,7 +132,8 @@ def _filled(turn: Turn, epoch: int, read: ReadChunks) -> tuple[Turn, list[ChunkN
                     f"recorded rollouts [{chunk.start}, {chunk.stop}) of {batch.phase} {batch.iteration} are of other "
                     "random draws than this job makes here; go on with the software the job was begun with"
                 )
-            stale.append((batch.phase, batch.iteration, chunk.start, origin.epoch))
+            if origin.epoch < epoch:  # those of a later epoch are of a replay after this one
+                stale.append((batch.phase, batch.iteration, chunk.start, origin.epoch))
             continue
         f[first - batch.start : last - batch.start] = chunk.f[first - chunk.start : last - chunk.start]
         done[first - batch.start : last - batch.start] = True

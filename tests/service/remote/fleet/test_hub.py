@@ -12,6 +12,7 @@ import pytest
 from service.errors import StoreError
 from service.evaluation.job import make_job
 from service.evaluation.store.jobs import JobStore
+from service.evaluation.store.states import KeptState, LastState
 from service.remote.fleet.hub import Hub
 from service.remote.fleet.jobs import Phase
 from service.remote.fleet.statistics import KEPT
@@ -28,19 +29,26 @@ def test_jobs_cancelled_while_they_are_opened_leave_nothing_behind(tmp_path, mak
         deadline = time.monotonic() + LIMIT_S
         while fleet.hub.call(lambda scheduler: scheduler.jobs[last].phase).result() is not Phase.WORKING:
             assert time.monotonic() < deadline
-        while len(fleet.hub.statistics._turns) > KEPT + 1:  # one of those before may still be opened
+        statistics = fleet.hub.statistics
+        while len(statistics._open) > 1:  # one of those before may still be opened
             assert time.monotonic() < deadline, "more jobs are kept than those that are wanted"
-        assert fleet.hub.statistics._turns[last].batch is not None
+        assert len(statistics._problems) <= KEPT + 2
+        assert statistics._open[last][1].batch is not None
         fleet.fleet.cancel(last)
         fleet.wait_status(last, "cancelled")
-        while fleet.hub.statistics._turns[last].batch is not None:  # as large as all the rest together
+        while last in statistics._open:  # its batch is as large as all the rest together
             assert time.monotonic() < deadline, "the batch of a job that is over is kept"
         assert fleet.fleet.estimate(last)["rollouts"]["total"] == 0
+        assert statistics._read[last].turn.batch is None
+
+
+def kept_state(fleet: LightFleet, job: str) -> KeptState | None:
+    return fleet.store.states.kept(job, fleet.store.epoch(job))
 
 
 def wait_kept(fleet: LightFleet, job: str) -> None:
     deadline = time.monotonic() + LIMIT_S
-    while fleet.store.kept_state(job) is None:
+    while kept_state(fleet, job) is None:
         assert time.monotonic() < deadline, "what the job came to is not kept"
         time.sleep(0.01)
 
@@ -80,7 +88,7 @@ def test_what_a_done_job_came_to_outlives_the_service_without_a_replay(
     with light_fleet(tmp_path) as fleet:  # what another version has kept is not looked at, and stays
         assert fleet.fleet.estimate(name) == told
         assert len(replayed) == 2
-        assert fleet.store.kept_state(name) is not None
+        assert kept_state(fleet, name) is not None
 
 
 def test_a_state_kept_before_rollouts_were_voided_is_not_used(tmp_path, make_scenario):
@@ -91,11 +99,14 @@ def test_a_state_kept_before_rollouts_were_voided_is_not_used(tmp_path, make_sce
         fleet.wait_status(name, "done")
         worker.stop()
         wait_kept(fleet, name)
-        fleet.store.keep_state(name, 0, 1, b"")  # the first stays
-        assert fleet.store.kept_state(name)[2] != b""
+        kept = kept_state(fleet, name)
+        fleet.store.states.keep(LastState(name, 0, 1, kept.last.record, b""))  # the first stays
+        assert kept_state(fleet, name) == kept
+        assert kept.sound
+        assert kept.last.record == fleet.store.chunks.digest(name)
         fleet.store.quarantine("wrong", "a test")
         assert fleet.store.epoch(name) == 1
-        assert fleet.store.kept_state(name) is None
+        assert kept_state(fleet, name) is None
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")

@@ -61,7 +61,7 @@ def test_rows_that_came_of_a_wrong_value_are_not_taken_for_those_that_replace_th
     )
     world.join("bad", 1, wrong=True)
     settle(world)
-    while world.turns["j"].number == 0:
+    while world.statistics.last("j")[1].number == 0:
         serve(world, "bad")
     world.join("good", 2)
     world.ask(world.slots["good", 0])  # gets the audit of the wrong worker's first chunk, and takes its time
@@ -75,7 +75,7 @@ def test_rows_that_came_of_a_wrong_value_are_not_taken_for_those_that_replace_th
     world.join("third", 1)
     serve(world, "third")  # decides
     assert list(world.record.quarantined) == ["bad"]
-    while world.turns["j"].number == 0:
+    while world.statistics.last("j")[1].number == 0:
         serve(world, "third")
     assert world.scheduler.jobs["j"].phase is Phase.WORKING
     world.answers.append(late)

@@ -1,7 +1,8 @@
 """Whatever happens in whatever order, every chunk counts once and the final bits are those of one process.
 
 Hypothesis plays a fleet: it starts and kills workers, delivers answers late, twice or never, lets instructions be
-carried out at any time, kills the scheduler, takes the database away and sets the clock. Then everything that is left
+carried out at any time, kills the scheduler, takes the database away, sets the clock, and asks for what a job comes to
+at any moment, in the midst of other things too. Then everything that is left
 is allowed to finish.
 """
 
@@ -18,9 +19,10 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
+from service.evaluation.store.states import KeptState, LastState
 from service.remote.fleet import events as E
 from service.remote.fleet.policy import Policy
-from tests.service.remote.fleet.world import World, reference
+from tests.service.remote.fleet.world import ALGORITHMS, World, reference
 
 QUICK = Policy(  # of three jobs one waits for the memory of another
     first_rows=17, max_rows=60, audit_share=0.2, limit_s=30.0, first_limit_s=30.0, open_bytes=2
@@ -117,6 +119,40 @@ class AnyOrder(RuleBasedStateMachine):
         job = data.draw(st.sampled_from(sorted(self.world.jobs)))
         self.world.tell(E.Paused(job) if pause else E.Resumed(job))
 
+    @precondition(lambda self: self.world.to_keep)
+    @rule(data=st.data())
+    def what_a_job_came_to_is_written_down(self, data: st.DataObject) -> None:
+        self.world.keep(data.draw(st.integers(0, len(self.world.to_keep) - 1)))
+
+    @rule(data=st.data(), moment=st.integers(0, 12), steps=st.integers(1, 4))
+    def somebody_asks_while_things_happen(self, data: st.DataObject, moment: int, steps: int) -> None:
+        world = self.world
+        job = data.draw(st.sampled_from(sorted(world.jobs)))
+        before = world.record.statuses.get(job), world.record.epoch(job)
+
+        def meanwhile() -> None:
+            for _ in range(steps):
+                if world.instructions:
+                    world.compute()
+                elif world.writes and not self.trouble:
+                    world.write()
+                elif world.answers:
+                    world.deliver()
+
+        told = world.read(job, moment, meanwhile)
+        if before[0] == "done" and before == (world.record.statuses[job], world.record.epoch(job)):
+            assert told == EXPECTED[world.jobs[job]]
+
+    @rule(data=st.data())
+    def an_earlier_tailroad_has_kept_a_state(self, data: st.DataObject) -> None:
+        """Of wherever the job was when somebody asked, and with no checksum."""
+        job = data.draw(st.sampled_from(sorted(self.world.jobs)))
+        _, turn = self.world.statistics.last(job)
+        state = ALGORITHMS[self.world.jobs[job]].to_bytes(turn.state)
+        epoch = self.world.record.epoch(job)
+        last = LastState(job, epoch, turn.number, "", state)
+        self.world.record.states.setdefault((job, epoch), KeptState(last, False))
+
     def teardown(self) -> None:
         if not hasattr(self, "world"):
             return
@@ -132,8 +168,18 @@ class AnyOrder(RuleBasedStateMachine):
             assert self.world.record.statuses[job] == "done"
             assert self.world.bits(job) == EXPECTED[method]
             assert self.world.counted_once(job)
+        for _ in self.world.to_keep[1:]:
+            self.world.keep()
+        self.world.begin()  # before the last job is written down
+        self.world.statistics.heal()
+        assert all(kept.sound for kept in self.world.record.states.values() if self._is_present(kept.last))
+        for job, method in self.world.jobs.items():
+            assert self.world.bits(job) == EXPECTED[method]
         good = set(self.world.record.quarantined) - self.world.wrong
         assert not good, f"honest workers in quarantine: {good}"
+
+    def _is_present(self, last: LastState) -> bool:
+        return last.epoch == self.world.record.epoch(last.job)
 
 
 class WithWrongWorkers(AnyOrder):

@@ -5,14 +5,17 @@ Everything that is under way (a reply, an answer, an instruction) lies in a list
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 
 import ce
 from service.evaluation.evaluate import evaluate
-from service.evaluation.store import FAILED, Chunk, Origin
+from service.evaluation.store import FAILED, Chunk
+from service.evaluation.store.jobs import OPEN
 from service.remote.fleet import events as E
 from service.remote.fleet.answers import answer_of, chunk_of
 from service.remote.fleet.messages import (
@@ -27,7 +30,9 @@ from service.remote.fleet.messages import (
 )
 from service.remote.fleet.policy import Policy
 from service.remote.fleet.scheduler import Scheduler
-from service.remote.fleet.turns import next_turn, open_turn, row_hashes, rows_digest
+from service.remote.fleet.statistics import Statistics
+from service.remote.fleet.turns import row_hashes, rows_digest
+from tests.service.remote.fleet.memory import MemoryStore, Record
 
 BASE = ce.Product([ce.Beta(2.0, 2.0), ce.Beta(2.0, 3.0)])
 VERSIONS = {"tailroad": "1"}
@@ -60,52 +65,15 @@ def reference(method: str) -> tuple:
     return bits(evaluate(ALGORITHMS[method], SEED, lambda batch: formula(batch.x, batch.noise)[0]))
 
 
-@dataclass
-class Record:
-    """The database: chunks with what they are of, voids; nothing is ever changed."""
+class WorldStatistics(Statistics):
+    """Of jobs whose algorithms are in ALGORITHMS."""
 
-    chunks: dict[tuple, tuple[Chunk, Origin]] = field(default_factory=dict)
-    voids: dict[tuple, int] = field(default_factory=dict)
-    audits: set[tuple] = field(default_factory=set)
-    statuses: dict[str, str] = field(default_factory=dict)
-    quarantined: dict[str, str] = field(default_factory=dict)
+    def __init__(self, record: Record, jobs: dict[str, str]):
+        super().__init__(MemoryStore(record))
+        self._methods = jobs
 
-    def append(self, r: E.Record) -> None:
-        key = (r.job, r.phase, r.iteration, r.chunk.start, r.origin.epoch)
-        self.chunks.setdefault(key, (r.chunk, r.origin))
-
-    def valid(self, job: str) -> list[tuple[tuple, Chunk, Origin]]:
-        return [
-            (key, chunk, origin)
-            for key, (chunk, origin) in sorted(self.chunks.items(), key=lambda item: item[0])
-            if key[0] == job and key not in self.voids
-        ]
-
-    def epoch(self, job: str) -> int:
-        return max((epoch for key, epoch in self.voids.items() if key[0] == job), default=0)
-
-    def read(self, job: str):
-        def chunks(phase: str, iteration: int, start: int, stop: int) -> list[tuple[Chunk, Origin]]:
-            return [
-                (chunk, origin)
-                for key, chunk, origin in self.valid(job)
-                if key[1:3] == (phase, iteration) and chunk.stop > start and chunk.start < stop
-            ]
-
-        return chunks
-
-    def quarantine(self, worker: str, reason: str) -> tuple[str, ...]:
-        self.quarantined[worker] = reason
-        doubtful = [
-            key
-            for job in {key[0] for key in self.chunks}
-            for key, _, origin in self.valid(job)
-            if origin.worker == worker and key not in self.audits
-        ]
-        jobs = sorted({key[0] for key in doubtful})
-        later = {job: self.epoch(job) + 1 for job in jobs}
-        self.voids |= {key: later[key[0]] for key in doubtful}
-        return tuple(jobs)
+    def problem(self, job: str) -> SimpleNamespace:
+        return SimpleNamespace(algorithm=ALGORITHMS[self._methods[job]], stream_seed=SEED)
 
 
 @dataclass
@@ -124,7 +92,7 @@ class World:
     policy: Policy = Policy(first_rows=7, audit_share=0.0)  # noqa: RUF009 (frozen)
     now: float = 0.0
     record: Record = field(default_factory=Record)
-    turns: dict[str, tuple] = field(default_factory=dict)
+    to_keep: list[str] = field(default_factory=list)  # jobs that are done and not written down yet
     instructions: list = field(default_factory=list)  # for the statistics: in any order
     writes: list = field(default_factory=list)  # for the database: in order
     requests: dict[int, Slot | None] = field(default_factory=dict)
@@ -143,7 +111,8 @@ class World:
     def begin(self) -> None:
         """A scheduler, the first one or after a crash: all that is left is the record."""
         self.scheduler = Scheduler(VERSIONS, self.policy, dict(self.record.quarantined))
-        self.instructions, self.writes, self.requests = [], [], {}
+        self.statistics = WorldStatistics(self.record, self.jobs)
+        self.instructions, self.writes, self.requests, self.to_keep = [], [], {}, []
         for slot in self.slots.values():
             slot.waiting = False
         for job in self.jobs:
@@ -157,7 +126,7 @@ class World:
                 self._reply(self.requests.pop(one.request), one.reply)
             elif isinstance(one, E.Open | E.Step):
                 self.instructions.append(one)
-            elif not isinstance(one, E.Tell | E.Note):
+            elif not isinstance(one, E.Tell):
                 self.writes.append(one)
 
     def _reply(self, slot: Slot | None, reply) -> None:
@@ -173,20 +142,37 @@ class World:
     def compute(self, which: int = 0) -> None:
         """Carry out an instruction for the statistics."""
         one = self.instructions.pop(which)
-        algorithm = ALGORITHMS[self.jobs[one.job]]
-        epoch = self.record.epoch(one.job)
         if isinstance(one, E.Open):
-            replay = open_turn(algorithm, SEED, epoch, self.record.read(one.job))
-            self._keep(one.job, epoch, replay)
+            if one.job not in self.scheduler.jobs:
+                return
+            epoch, replay = self.statistics.open(one.job)
             self.tell(E.Opened(one.job, one.generation, epoch, replay))
         else:
-            replay = next_turn(algorithm, one.turn, epoch, self.record.read(one.job))
-            self._keep(one.job, epoch, replay)
-            self.tell(E.Stepped(one.job, one.generation, replay))
+            self.tell(E.Stepped(one.job, one.generation, self.statistics.step(one.job, one.turn)))
+        if one.job not in self.scheduler.jobs:
+            self.statistics.end(one.job)
 
-    def _keep(self, job: str, epoch: int, replay) -> None:
-        self.record.voids |= {(job, *name): epoch for name in replay.stale}
-        self.turns[job] = replay.turn
+    def keep(self, which: int = 0) -> None:
+        """Write down what a job that is done has come to."""
+        self.statistics.keep(self.to_keep.pop(which))
+
+    def read(self, job: str, moment: int = -1, meanwhile: Callable[[], None] = lambda: None) -> tuple:
+        """What somebody who asks for the job is told; meanwhile: what happens when its chunks have been read `moment`
+        times."""
+        left = moment
+
+        def on_read() -> None:
+            nonlocal left
+            left -= 1
+            if left == -1:
+                meanwhile()
+
+        self.record.on_read = on_read
+        try:
+            _, turn = self.statistics.last(job)
+        finally:
+            self.record.on_read = lambda: None
+        return bits(ALGORITHMS[self.jobs[job]].estimate(turn.state))
 
     def write(self) -> None:
         """Carry out the first thing that waits for the database."""
@@ -196,6 +182,12 @@ class World:
             self.tell(E.Recorded((one.ticket,)))
         elif isinstance(one, E.SetStatus):
             self.record.statuses[one.job] = one.status
+            if one.status not in OPEN:
+                self.statistics.end(one.job)
+                self.to_keep += [one.job] if one.status == "done" else []
+        elif isinstance(one, E.Note):
+            known = self.record.batches.get((one.job, one.epoch), 0)
+            self.record.batches[one.job, one.epoch] = max(known, one.first + len(one.records))
         elif isinstance(one, E.Confirm):
             self.record.audits.add((one.job, one.phase, one.iteration, one.start, one.epoch))
         elif isinstance(one, E.Quarantine):
@@ -282,7 +274,7 @@ class World:
         raise AssertionError(f"the jobs do not end: {self.record.statuses}, {self.scheduler.jobs}")
 
     def bits(self, job: str) -> tuple:
-        return bits(ALGORITHMS[self.jobs[job]].estimate(self.turns[job].state))
+        return self.read(job)
 
     def counted_once(self, job: str) -> bool:
         """Whether every row of the job's batches is in one valid chunk, and none in two."""
