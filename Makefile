@@ -29,7 +29,7 @@ help:
 # The search is kept near the base (--max-kl) and to the starts (--mean-box): with 20,000 rollouts the paper's own settings
 # follow noise in the 404 driver weights and lose most of the event (README, "Measured").
 estimate: $(VENV)/.installed
-	$(BIN)/tailroad estimate i80-10s --ego lidar --gamma 0.5 --method naive --method ce --budget 20000 --seed 1 \
+	$(BIN)/tailroad estimate i80-paper-10s --ego lidar --gamma 0.5 --method naive --method ce --budget 20000 --seed 1 \
 	  --iterations 4 --samples-per-iteration 1500 --rho 0.1 --mean-box 0.0001 --max-kl 2.5
 
 # Test files are spread over the cores, four at most: many of them start processes of their own.
@@ -100,7 +100,7 @@ drivers: $(VENV)/.installed-dev
 	OMP_NUM_THREADS=1 $(BIN)/tailroad train drivers --data $(DATA) --out $(WEIGHTS) --seed 1
 	OMP_NUM_THREADS=1 $(BIN)/tailroad train ego-lidar --data $(DATA) --out $(WEIGHTS) --seed 1 \
 	  $(if $(ELSEWHERE),--drivers $(WEIGHTS)/drivers-gail.safetensors)
-	$(BIN)/tailroad train thresholds --scenario i80-10s --ego lidar --ego idm --rollouts 100000 --splitting 20000 \
+	$(BIN)/tailroad train thresholds --scenario i80-paper-10s --ego lidar --ego idm --rollouts 100000 --splitting 20000 \
 	  --seed 1 --out build/thresholds --card $(WEIGHTS)/drivers-gail.json $(if $(ELSEWHERE),--weights $(WEIGHTS))
 	$(BIN)/tailroad drivers card --weights $(WEIGHTS)/drivers-gail.safetensors --data $(DATA) --out deploy/cards --seed 1
 

@@ -2,6 +2,7 @@
 
 python -m sumo_nets.build sources --geometry DIR     (when the geometry changes; sources are committed)
 python -m sumo_nets.build net [--netconvert PATH]    (so is the net; needs SUMO's netconvert, 1.28 was used)
+python -m sumo_nets.build lanes                      (so are the lanes read from it, with one processor's bits for all)
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ import tempfile
 from pathlib import Path
 
 from sumo_nets import i80_geometry, us101_geometry
-from sumo_nets.corridor import built_in_folder
+from sumo_nets.corridor import LANES_FILE, built_in_folder, read_corridor
 from sumo_nets.errors import NetworkError
+from sumo_nets.stored import store_lanes
 
 GEOMETRIES = {"i80": i80_geometry, "us101": us101_geometry}
 NETCONVERT_OPTIONS = (
@@ -83,6 +85,13 @@ def build_net(name: str, netconvert: str | None = None, out: Path | None = None)
     return out
 
 
+def build_lanes(name: str) -> Path:
+    """Read the lanes of a built-in network from its net, and keep them."""
+    folder = built_in_folder(name)
+    edges = json.loads((folder / "corridor.json").read_text(encoding="utf-8"))["edges"]
+    return store_lanes(read_corridor(folder / f"{name}.net.xml", edges, name=name), folder / LANES_FILE)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Entry point of `python -m sumo_nets.build`."""
     parser = argparse.ArgumentParser(prog="python -m sumo_nets.build", description=__doc__.splitlines()[0])
@@ -91,12 +100,15 @@ def main(arguments: list[str] | None = None) -> None:
     make.add_argument("--geometry", type=Path, required=True, help="folder with the CAD and OSM files")
     net = commands.add_parser("net", help="the SUMO net from the plain XML")
     net.add_argument("--netconvert", help="path of netconvert (default: $NETCONVERT, then PATH)")
-    for command in (make, net):
+    lanes = commands.add_parser("lanes", help="the lanes as arrays from the net")
+    for command in (make, net, lanes):
         command.add_argument("--name", default="i80", help="built-in network")
     options = parser.parse_args(arguments)
     try:
         if options.command == "sources":
             written = write_sources(options.name, options.geometry)
+        elif options.command == "lanes":
+            written = [build_lanes(options.name)]
         else:
             written = [build_net(options.name, options.netconvert)]
     except NetworkError as error:

@@ -18,10 +18,12 @@ from numpy.typing import ArrayLike
 from sumo_nets.chain import SMOOTHING_M, Chain, open_net
 from sumo_nets.curves import Curve, resample, whittaker
 from sumo_nets.errors import EdgesError, NetworkError
+from sumo_nets.stored import stored_lanes
 
 __all__ = ["BUILT_IN", "Corridor", "NetworkError", "built_in_folder", "load_corridor", "read_corridor"]
 
 BUILT_IN = ("i80", "us101")
+LANES_FILE = "lanes.npz"  # of a built-in network, beside its net
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +128,12 @@ def load_corridor(name_or_path: str | Path, edges: Sequence[str] | None = None) 
     if str(name_or_path) in BUILT_IN:
         name = str(name_or_path)
         folder = built_in_folder(name)
+        net = folder / f"{name}.net.xml"
+        kept = None if edges else stored_lanes(folder / LANES_FILE, net)
+        if kept is not None:
+            return Corridor(net_path=str(net), **(kept | {"edges": tuple(kept["edges"])}))
         description = json.loads((folder / "corridor.json").read_text(encoding="utf-8"))
-        return read_corridor(folder / f"{name}.net.xml", tuple(edges or description["edges"]), name=name)
+        return read_corridor(net, tuple(edges or description["edges"]), name=name)
     if not edges:
         kind = EdgesError if Path(name_or_path).suffix in (".xml", ".gz") else NetworkError
         raise kind(

@@ -66,7 +66,7 @@ def visited(
         state = trace[: len(seen)]
         good = (state[..., T_ACTIVE] > 0) & (state[..., T_OFF_ROAD] + state[..., T_COLLISION] == 0)
         good &= state[..., T_TAKEN_OVER] == 0
-        # dense at the start, where the starts' headings are corrected and where i80-10s happens
+        # dense at the start, where the starts' headings are corrected and where i80-paper-10s happens
         when = np.arange(len(seen)) + rng.integers(every)
         good &= ((when % every == 0) | ((when % 4 == 0) & (np.arange(len(seen)) < 100)))[:, None]
         time, vehicle = np.nonzero(good)

@@ -197,7 +197,7 @@ def visited(world: VisionWorld, ego: VisionEgo, arguments: Arguments, rng: np.ra
     """Moments that the network reaches in drives with disturbed actions, in all weathers."""
     parts = []
     for number in range(arguments.drives):
-        scenario = ("i80-10s", "i80-data")[number % 2]
+        scenario = ("i80-paper-10s", "i80-paper-data")[number % 2]
         sway = float(rng.choice([0.5, 1.0, 2.0]))
         drive = world.drive(ego, world.weather(rng), scenario, arguments.drive_steps, rng, sway, every=2)
         parts.append(drive.states)

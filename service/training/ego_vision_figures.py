@@ -9,7 +9,7 @@ from service.training.expert import Expert, mean_action
 from service.world.camera import Weather
 from service.world.sim import step
 
-STEPS = 100  # of a drive of the closed loop: i80-10s
+STEPS = 100  # of a drive of the closed loop: i80-paper-10s
 LONG_STEPS = 900
 OPEN_LOOP = 300  # moments of the open loop in each weather
 
@@ -29,8 +29,8 @@ def figures(
         frame = world.camera.render(world.scene, states.poses[k], int(states.own[k]), weather, k)
         answers.append(ego.act(Observation(states.seen[k], 0.0, None, frame)))
     error = np.array(answers) - mean_action(expert, states.seen[:OPEN_LOOP])
-    runs = [world.drive(ego, weather, "i80-10s", STEPS, rng) for _ in range(drives)]
-    long = [world.drive(ego, weather, "i80-10s", LONG_STEPS, rng) for _ in range(max(drives // 10, 1))]
+    runs = [world.drive(ego, weather, "i80-paper-10s", STEPS, rng) for _ in range(drives)]
+    long = [world.drive(ego, weather, "i80-paper-10s", LONG_STEPS, rng) for _ in range(max(drives // 10, 1))]
     return {
         "open_loop": {
             "n": OPEN_LOOP,

@@ -19,7 +19,8 @@ from service.world.sim.road import road_of
 from service.world.sim.world import DriverNetwork, World, action_noise
 
 VEHICLES = 6
-# the widest weather that is learned from: half of the pictures are drawn evenly from it, half as i80-data draws them
+# the widest weather that is learned from: half of the pictures are drawn evenly from it, the others as
+# i80-paper-data draws them
 LOW = (-20.0, 0.0, 0.1, -12.0, -1.5)
 HIGH = (78.0, 360.0, 45.0, 18.0, 1.5)
 WEATHER_KINDS: dict[str, Weather] = {
@@ -64,8 +65,10 @@ class VisionWorld:
     """The road, the drivers and the camera of the built-in scenarios."""
 
     def __init__(self, drivers: str):
-        self.scenarios: dict[str, Scenario] = {name: load_scenario(name) for name in ("i80-10s", "i80-data")}
-        scenario = self.scenarios["i80-10s"]
+        self.scenarios: dict[str, Scenario] = {
+            name: load_scenario(name) for name in ("i80-paper-10s", "i80-paper-data")
+        }
+        scenario = self.scenarios["i80-paper-10s"]
         self.corridor = check_road(scenario, scenario.name)
         self.model = load_drivers(drivers)
         self.base = {name: base_distribution(s, self.model) for name, s in self.scenarios.items()}
@@ -79,7 +82,7 @@ class VisionWorld:
     def weather(self, rng: np.random.Generator) -> Weather:
         """A weather to learn from."""
         if rng.random() < 0.5:
-            return weather_of(self.scenarios["i80-data"], self._draw("i80-data", rng))
+            return weather_of(self.scenarios["i80-paper-data"], self._draw("i80-paper-data", rng))
         return Weather(*rng.uniform(LOW, HIGH).tolist())
 
     def scattered(self, count: int, rng: np.random.Generator) -> States:

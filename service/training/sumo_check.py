@@ -50,7 +50,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--scenario", default="i80")
+    parser.add_argument("--scenario", default="i80-paper")
     parser.add_argument("--ego", default="lidar")
     parser.add_argument("--rollouts", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)

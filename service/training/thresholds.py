@@ -1,6 +1,6 @@
 """Where a scenario's rare events are: thresholds gamma at which p = P0(f <= gamma) is 1e-2, 1e-3, 1e-4 and 1e-5.
 
-    tailroad train thresholds --scenario i80-10s --ego lidar --ego idm --rollouts 100000 --out DIR
+    tailroad train thresholds --scenario i80-paper-10s --ego lidar --ego idm --rollouts 100000 --out DIR
 
 The rollouts are those of `tailroad estimate SCENARIO --ego NAME --method naive --seed S`, with the same starts,
 weights and noise, in the same kernels; SUMO, which does not move the vehicles, is left out. Thresholds are order
@@ -139,7 +139,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--scenario", default="i80-10s")
+    parser.add_argument("--scenario", default="i80-paper-10s")
     parser.add_argument("--ego", action="append", required=True)
     parser.add_argument("--rollouts", type=int, default=100_000)
     parser.add_argument(

@@ -1,4 +1,4 @@
-"""The starts of i80-data: fits with known answers, and the scenario that carries them."""
+"""The starts of i80-paper-data: fits with known answers, and the scenario that carries them."""
 
 import json
 from pathlib import Path
@@ -77,7 +77,7 @@ def test_held_out_vehicles_are_those_of_the_drivers_training():
 
 def test_the_scenario_says_what_was_fitted():
     """Speeds of NGSIM's 16:00 to 16:15: 7.6 m/s in the median, 17 in the HOV lane; spacing about 15 m."""
-    scenario = load_scenario("i80-data")
+    scenario = load_scenario("i80-paper-data")
     means = {}
     for vehicle in scenario.vehicles:
         d = scenario.of(vehicle, "speed_mps")

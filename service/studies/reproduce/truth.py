@@ -5,11 +5,10 @@ stopped. Kept are which rows were run, f and outcome of the dangerous ones (f be
 all of them cost; the others' f is known to be at least CUTOFF_S, which is all that thresholds below it need.
 """
 
-import hashlib
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 from zipfile import BadZipFile
 
 import msgspec
@@ -17,10 +16,10 @@ import numpy as np
 
 import ce
 from ce.interval import clopper_pearson
-from policies.drivers import WEIGHTS_FOLDER
 from service.errors import StoreError
 from service.evaluation.job import Job, make_job
 from service.evaluation.store import FAILED, Chunk
+from service.studies.reproduce.identity import digest_of
 from service.studies.reproduce.plans import Truth
 from service.world.scenario import load_scenario
 
@@ -44,14 +43,45 @@ class Ran(msgspec.Struct, kw_only=True):
     steps: int
 
 
-def digest_of(job: Job) -> str:
-    """Of everything that decides the rollouts: scenario, drivers, ego, seed."""
-    digest = hashlib.sha256(msgspec.json.encode(job.scenario))
-    digest.update(f"{job.weights_sha256}/{job.ego}/{job.seed}/".encode())
-    for path in sorted(WEIGHTS_FOLDER.glob(f"ego-{job.ego}.*")):
-        if path.suffix != ".json":
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+class Kept(NamedTuple):
+    """What a ground truth's file holds. rows, f, outcomes: (n,), of the rollouts that are kept, by row."""
+
+    ran: Ran
+    rows: np.ndarray
+    f: np.ndarray
+    outcomes: np.ndarray
+
+
+def read_truth(path: Path) -> Kept:
+    """A ground truth's file, whichever rollouts it is of; StoreError for a file that is not one."""
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            ran = msgspec.json.decode(stored["ran"].tobytes(), type=Ran)
+            rows, f, codes = stored["rows"], stored["f"], stored["outcomes"]
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile, msgspec.MsgspecError) as error:
+        raise StoreError(
+            f"{path} is not a readable ground truth ({error}); remove it to start anew"
+        ) from error
+    if ran.format != FORMAT or not rows.shape == f.shape == codes.shape:
+        raise StoreError(f"{path} has another format; remove it to start anew")
+    return Kept(ran, rows.astype(np.int64), f, codes)
+
+
+def write_truth(path: Path, kept: Kept) -> None:
+    """Write the file, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + ".part")
+    with part.open("wb") as file:
+        np.savez_compressed(
+            file,
+            ran=np.frombuffer(msgspec.json.encode(kept.ran), np.uint8),
+            rows=kept.rows.astype(np.uint32),
+            f=kept.f,
+            outcomes=kept.outcomes,
+        )
+        file.flush()
+        os.fsync(file.fileno())
+    part.replace(path)
 
 
 class KnownTruth(Protocol):
@@ -89,22 +119,14 @@ class GroundTruth:
             self._load(self.ran.digest)
 
     def _load(self, expected: str) -> None:
-        try:
-            with np.load(self.path, allow_pickle=False) as stored:
-                ran = msgspec.json.decode(stored["ran"].tobytes(), type=Ran)
-                rows, f, codes = stored["rows"], stored["f"], stored["outcomes"]
-        except (OSError, ValueError, KeyError, EOFError, BadZipFile, msgspec.MsgspecError) as error:
-            raise StoreError(
-                f"{self.path} is not a readable ground truth ({error}); remove it to start anew"
-            ) from error
-        if ran.format != FORMAT or not rows.shape == f.shape == codes.shape:
-            raise StoreError(f"{self.path} has another format; remove it to start anew")
+        ran, rows, f, codes = read_truth(self.path)
         if ran.digest != expected:
             raise StoreError(
                 f"{self.path} holds rollouts of another scenario, other drivers or another ego (digest {ran.digest}, "
-                f"expected {expected}); move it away to start anew"
+                f"expected {expected}); move it away to start anew, or, if only code was rewritten, see "
+                "service/studies/reproduce/spot_check.py"
             )
-        self.ran, self._rows, self._f, self._codes = ran, rows.astype(np.int64), f, codes
+        self.ran, self._rows, self._f, self._codes = ran, rows, f, codes
 
     def __enter__(self) -> "GroundTruth":
         return self
@@ -159,19 +181,7 @@ class GroundTruth:
         """Write the file, whole or not at all."""
         if not self._unsaved:
             return
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        part = self.path.with_name(self.path.name + ".part")
-        with part.open("wb") as file:
-            np.savez_compressed(
-                file,
-                ran=np.frombuffer(msgspec.json.encode(self.ran), np.uint8),
-                rows=self._rows.astype(np.uint32),
-                f=self._f,
-                outcomes=self._codes,
-            )
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(self.path)
+        write_truth(self.path, Kept(self.ran, self._rows, self._f, self._codes))
         self._unsaved = 0
 
     # -- as an answer ----------------------------------------------------------------------------------------

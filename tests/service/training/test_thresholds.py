@@ -14,7 +14,7 @@ from service.world.sim.rollout import OUTCOMES, Simulator
 
 
 def test_values_are_those_of_the_service():
-    scenario = load_scenario("i80-10s")
+    scenario = load_scenario("i80-paper-10s")
     drivers = load_drivers(scenario.drivers.weights)
     algorithm = ce.algorithm("naive", base_distribution(scenario, drivers), 0.2, ce.NaiveOptions(budget=1000))
     batch = algorithm.propose(algorithm.init(7))

@@ -112,7 +112,7 @@ class _Silent:
 
 def test_a_drive_of_an_untrained_network_is_recorded(world, exported):
     drive = world.drive(
-        VisionEgo(exported[1]), Weather(), "i80-10s", 30, np.random.default_rng(4), sway=1.0, every=5
+        VisionEgo(exported[1]), Weather(), "i80-paper-10s", 30, np.random.default_rng(4), sway=1.0, every=5
     )
     assert drive.status in (step.RUNNING, step.OFF_ROAD, step.COLLIDED)
     assert 0 < len(drive.states) <= 6

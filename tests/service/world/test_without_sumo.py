@@ -24,7 +24,7 @@ def opened(scenario, ego):
     return problem, WithoutSumo(scenario, problem.corridor, problem.drivers, ego)
 
 
-@pytest.mark.parametrize(("scenario", "ego"), [("i80-10s", "lidar"), ("us101-10s", "idm")])
+@pytest.mark.parametrize(("scenario", "ego"), [("i80-paper-10s", "lidar"), ("us101-paper-10s", "idm")])
 def test_a_rollout_without_sumo_has_the_bits_of_one_with_it(scenario, ego):
     """With the shipped drivers, of whom some change lanes and some rollouts end in a collision."""
     problem, alone = opened(load_scenario(scenario), ego)
@@ -59,7 +59,7 @@ def test_frozen_noise_and_given_noise_are_the_same_too(make_scenario):
 
 
 def test_what_needs_sumo_is_refused(make_scenario):
-    scenario = load_scenario("i80-10s")
+    scenario = load_scenario("i80-paper-10s")
     with pytest.raises(InputError, match="needs SUMO"):
         opened(with_measure(scenario, "rss"), "idm")
     problem, _ = opened(scenario, "idm")
@@ -106,4 +106,4 @@ def test_searched_noise_is_a_part_of_x_and_the_same_in_both_worlds(make_scenario
 
 def test_too_much_noise_to_search_is_refused():
     with pytest.raises(ScenarioError, match="a search takes"):
-        with_noise_mode(load_scenario("i80"), "searched")
+        with_noise_mode(load_scenario("i80-paper"), "searched")

@@ -14,7 +14,7 @@ import ce
 from service.evaluation.job import Problem, make_job
 from service.world.scenario import load_scenario
 
-SCENARIO = "i80-10s"
+SCENARIO = "i80-paper-10s"
 SECONDS = 10
 HERE = Path(__file__).parent
 INSTALL_LIMIT_S, RUN_LIMIT_S = 3600, 1800

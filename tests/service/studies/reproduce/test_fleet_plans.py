@@ -30,7 +30,9 @@ class Service:
 
     def submit(self, scenario, gamma, **others):
         options = others["options"] | {"budget": others["budget"]}
-        make_job(load_scenario("i80-10s"), others["ego"], gamma, others["method"], others["seed"], options)
+        make_job(
+            load_scenario("i80-paper-10s"), others["ego"], gamma, others["method"], others["seed"], options
+        )
         status = "failed" if others["method"] == self.fail else "done"
         job = SimpleNamespace(
             id=f"j{len(self.jobs)}", status=status, reason="no room", scenario=scenario, **others

@@ -148,7 +148,9 @@ def test_every_plan_has_jobs_that_can_be_made_at_every_scale(name):
 
 
 def test_more_workers_end_sooner_and_none_is_more_than_wholly_busy():
-    job = make_job(load_scenario("i80-10s"), "lidar", 0.5, "naive", 1, {"budget": 1200, "batch_size": 1200})
+    job = make_job(
+        load_scenario("i80-paper-10s"), "lidar", 0.5, "naive", 1, {"budget": 1200, "batch_size": 1200}
+    )
     alone, together = (play(job, np.array([0.02, 0.04]), workers) for workers in (1, 12))
     assert alone.rollouts == 1200
     assert alone.rollout_ms == pytest.approx(30.0)

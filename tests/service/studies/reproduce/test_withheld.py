@@ -15,7 +15,13 @@ from service.studies.reproduce.tables import LEAST_EFFECTIVE, tables_of, thresho
 
 P, N = 1e-3, 100_000
 RUN = Run(
-    series="tried", scenario="i80-10s", ego="idm", gamma=0.5, method="ce", options={"budget": 1000}, seed=1
+    series="tried",
+    scenario="i80-paper-10s",
+    ego="idm",
+    gamma=0.5,
+    method="ce",
+    options={"budget": 1000},
+    seed=1,
 )
 
 
@@ -44,7 +50,7 @@ def outcome(ess: float) -> Outcome:
     result = Result(run=RUN, method="ce", rollouts=1000, training=500, readings=(reading,), warnings=("few-events",),
                     reliable=False, max_weight_share=0.9, worker_s=1.0, sim_s=1.0, wall_s=1.0,
                     tailroad="0")  # fmt: skip
-    plan = Plan(name="table1", scale="smoke", title="", truth=Truth(scenario="i80-10s", ego="idm", rollouts=N),
+    plan = Plan(name="table1", scale="smoke", title="", truth=Truth(scenario="i80-paper-10s", ego="idm", rollouts=N),
                 gammas=(0.5,), runs=(RUN,))  # fmt: skip
     return Outcome(plan, Known(), (result,), False)
 
