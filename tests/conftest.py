@@ -87,8 +87,8 @@ def drivers(weights_file: Path) -> DriverModel:
 
 @pytest.fixture(scope="session")
 def scenario_text(weights_file: Path) -> str:
-    """The text of `i80-10s` with the test's drivers."""
-    text = (loading.FOLDER / "i80-10s.toml").read_text(encoding="utf-8")
+    """The text of `i80-paper-10s` with the test's drivers."""
+    text = (loading.FOLDER / "i80-paper-10s.toml").read_text(encoding="utf-8")
     assert text.count('weights = "drivers-gail"') == 1
     return text.replace('weights = "drivers-gail"', f'weights = "{weights_file}"')
 

@@ -13,7 +13,7 @@ from service.analysis.exposure import Exposure
 from service.analysis.wording import level, significant
 from service.errors import InputError
 from service.evaluation.job import Job
-from service.world.scenario.measures import measure_kind
+from service.world.scenario.measures import IMPACT, measure_kind
 
 MILLION = 1e6
 KM_PER_MILE = 1.609344
@@ -158,6 +158,10 @@ def _said(
 def event_of(job: Job) -> str:
     """The event of a job in words."""
     kind = measure_kind(job.scenario.safety.measure)
+    if job.scenario.safety.measure == IMPACT:
+        if job.gamma > 0.0:
+            return f"a time until the boxes touch of at most {job.gamma:g} s, or a contact"
+        return "a contact" if job.gamma == 0.0 else f"a contact at {-job.gamma:g} m/s or more"
     words = kind.words.rstrip(",").removeprefix("smallest ")
     article = "an" if words[0] in "aeiou" or words.startswith("RSS") else "a"
     return f"{article} {words} of at most {job.gamma:g} {kind.unit}".rstrip()
@@ -169,8 +173,10 @@ def _assumptions(exposure: Exposure, event: str, baseline: Baseline) -> tuple[st
         f"All driving is like this scenario: every kilometre is driven in rollouts of {significant(exposure.km)} km "
         f"({significant(short)} to {significant(long)} km, from {exposure.rollouts} rollouts of P0) that start as P0 "
         "says.",
-        f"The event is {event}, which is not a crash: most are followed by none, so the rate is no crash rate, and a "
-        "multiple of a rate of crashes says how much more frequent the event is, not how dangerous the ego is.",
+        f"The event is {event}, with whatever damage or none: there are more of them than crashes that anybody reports."
+        if event.startswith("a contact")
+        else f"The event is {event}, which is not a crash: most are followed by none, so the rate is no crash rate, "
+        "and a multiple of a rate of crashes says how much more frequent the event is, not how dangerous the ego is.",
         "A rollout counts once, however often the event comes in it.",
         "Traffic is as P0 has it: its starts and drivers are models fitted to recordings of one road.",
         f"The baseline is from other driving ({baseline.source}), over all roads, hours and weathers of its data.",

@@ -2,6 +2,8 @@
 
 import math
 
+from service.world.scenario.measures import unit_at
+
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 NOT_KNOWN = "not known"
 LEAST_PERCENT = 0.01
@@ -23,8 +25,8 @@ def significant(value: float | None, digits: int = 3) -> str:
 
 
 def quantity(value: float, unit: str) -> str:
-    """A value as it was given, with its unit where it has one."""
-    return f"{value:g} {unit}".rstrip()
+    """A value as it was given, with its unit where it has one; unit: as a measure's kind has it."""
+    return f"{value:g} {unit_at(unit, value)}".rstrip()
 
 
 def count(value: float | None) -> str:

@@ -15,6 +15,7 @@ from service.world.egos.open import camera_elsewhere, check_ego, open_ego
 from service.world.safety.measure import open_monitor
 from service.world.scenario.base import base_distribution, dimension
 from service.world.scenario.check import check_road
+from service.world.scenario.measures import check_threshold
 from service.world.scenario.schema import Scenario
 from service.world.sim.audited import Audited
 from service.world.sim.rollout import Simulator
@@ -60,6 +61,10 @@ def make_job(
     )
     check_ego(ego)
     open_monitor(scenario, len(scenario.vehicles))
+    try:
+        check_threshold(scenario.safety.measure, gamma)
+    except ValueError as error:
+        raise InputError(str(error)) from error
     ce.algorithm(method, _TINY_BASE, gamma, _options(method, options))
     return job
 

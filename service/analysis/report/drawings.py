@@ -11,9 +11,9 @@ from service.analysis.report import ink
 from service.analysis.report.dangerous import Retold
 from service.analysis.report.ink import Picture
 from service.analysis.trace import Trace
-from service.analysis.wording import significant
+from service.analysis.wording import quantity, significant
 from service.world import agents as A
-from service.world.scenario.measures import measure_kind
+from service.world.scenario.measures import measure_kind, unit_at
 from sumo_nets.corridor import Corridor
 
 WHOLE_S = 20.0  # a longer rollout is drawn around its smallest time to collision only
@@ -40,13 +40,13 @@ def drawing(retold: Retold, facts: dict[str, Any], corridor: Corridor) -> Pictur
         _measured(measured, trace, gamma, k, shown)
         _speeds(speed, trace, retold.threat, k, shown)
         measured.sharex(speed)
-        title = f"Rank {facts['rank']}: {facts['mode_name']}; f = {significant(f)} {kind.unit}".rstrip()
+        title = f"Rank {facts['rank']}: {facts['mode_name']}; f = {significant(f)} {unit_at(kind.unit, f)}".rstrip()
         with_whom = f" to {facts['other']}" if facts["other"] else ""
         return ink.picture(
             drawn,
             title,
-            f"Rollout {facts['row']}: the {kind.words.rstrip(',')}, {significant(trace.rollout.f)} {kind.unit}"
-            f"{with_whom}, "
+            f"Rollout {facts['row']}: the {kind.words.rstrip(',')}, {significant(trace.rollout.f)} "
+            f"{unit_at(kind.unit, trace.rollout.f)}{with_whom}, "
             f"comes {facts['worst_at_s']:.1f} s after the start; the rollout ends with {facts['outcome']} after "
             f"{trace.time_s[-1]:.1f} s.",
             "",
@@ -155,22 +155,21 @@ def _close_up(axes: Axes, trace: Trace, threat: int | None, corridor: Corridor, 
 def _measured(axes: Axes, trace: Trace, gamma: float, k: int, shown: np.ndarray) -> None:
     """The safety measure over time; seconds to come on a logarithmic axis."""
     name, unit = trace.measure.partition(":")[0], measure_kind(trace.measure).unit
-    seconds = unit == "s"
+    seconds = unit_at(unit, GREATEST_S) == "s"
     values = np.where(np.isfinite(trace.measured[shown]), trace.measured[shown], np.nan)
     if seconds:
         values = np.where(values <= GREATEST_S, values, np.nan)
     axes.plot(trace.time_s[shown], values, color=ink.EGO, linewidth=1.3)
     axes.plot(trace.time_s[k], trace.measured[k], "o", color=ink.EGO, markersize=4)
     axes.axhline(gamma, color=ink.BASE, linewidth=1.0, linestyle="--")
-    if seconds:
-        positive = values[np.nan_to_num(values) > 0]
-        axes.set_ylim(0.6 * min(float(positive.min(initial=gamma)), abs(gamma) or 1.0), GREATEST_S)
-        if gamma > 0:
-            ink.log_axis(axes, "y", lambda v: f"{v:g}")
+    if seconds and gamma > 0 and (values[~np.isnan(values)] > 0).all():
+        positive = values[~np.isnan(values)]
+        axes.set_ylim(0.6 * min(float(positive.min(initial=gamma)), gamma), GREATEST_S)
+        ink.log_axis(axes, "y", lambda v: f"{v:g}")
     axes.text(
         0.995,
         gamma,
-        f"γ = {gamma:g} {unit}".rstrip(),
+        f"γ = {quantity(gamma, unit)}",
         color=ink.BASE,
         fontsize=8,
         ha="right",

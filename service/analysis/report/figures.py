@@ -149,7 +149,7 @@ def p_against_gamma(facts: Facts, jobs: Sequence[Facts]) -> Picture:
         axes.set_xlim(*jobs[0]["curve"]["gamma"][:: len(jobs[0]["curve"]["gamma"]) - 1])
         axes.set_ylim(bottom, 1.2)
         ink.log_axis(axes, "y")
-        if gamma > 0:
+        if x[0] > 0:
             ink.log_axis(axes, "x", lambda v: f"{v:g}")
         axes.set_xlabel(f"threshold γ on f: {measure_words(facts['scenario']['measure'])}")
         axes.set_ylabel("probability of f ≤ γ")

@@ -8,7 +8,7 @@ import numpy as np
 from policies.layout import MAX_ACCELERATION_MPS2, MAX_DECELERATION_MPS2, MAX_TURN_RATE_RADPS
 from service.analysis.trace import Trace
 from service.analysis.video.ink import BACKGROUND, DANGER, EGO, GRID, QUIET, TEXT, TURN, Colour, write
-from service.world.scenario.measures import STL, measure_kind
+from service.world.scenario.measures import STL, measure_kind, unit_at
 
 LEFT, TOP, RIGHT, BOTTOM = 62, 26, 14, 22  # margins in pixels
 MOST_S = 10.0  # times longer than this are drawn at the chart's edge
@@ -82,9 +82,9 @@ def measure_chart(trace: Trace, width: int, height: int) -> Chart:
 
 
 def _limits(values: np.ndarray, unit: str) -> tuple[float, float]:
-    if unit == "s":
-        return 0.0, MOST_S
     finite = values[np.isfinite(values)]
+    if unit_at(unit, MOST_S) == "s":
+        return float(finite.min(initial=0.0)), MOST_S
     if not finite.size:
         return -1.0, 1.0
     low, high = min(float(finite.min()), 0.0), float(np.quantile(finite, 0.95))

@@ -14,7 +14,7 @@ from service.analysis.video.top_down import DANGER_S, TopDown
 from service.analysis.video.view import EgoView
 from service.errors import InputError, SimulationError
 from service.world import agents as A
-from service.world.scenario.measures import STL, measure_kind
+from service.world.scenario.measures import STL, measure_kind, unit_at
 from sumo_nets.corridor import Corridor
 
 WIDTH, HEIGHT = 1600, 640
@@ -100,8 +100,9 @@ def _so_far(trace: Trace, k: int) -> tuple[str, bool]:
     if name == STL:
         return f"f {_value(trace.rollout.f, '')}", trace.rollout.f < 0.0
     f = float(trace.measured[: k + 1].min())
-    limit = DANGER_S if kind.unit == "s" else -3.0 if name == "drac" else 0.0
-    return f"f so far ({name}) {_value(f, kind.unit)}", f < limit
+    unit = unit_at(kind.unit, f)
+    limit = DANGER_S if unit == "s" else -3.0 if name == "drac" else 0.0
+    return f"f so far ({name}) {_value(f, unit)}", f < limit
 
 
 def _value(value: float, unit: str) -> str:

@@ -112,7 +112,7 @@ def _run_all(
         given = f"{', '.join(egos)}" if egos else "none"
         raise InputError(f"--ego: give two or more different egos, as in --ego idm --ego lidar, not {given}")
     if gamma is None:
-        raise InputError("give the event's threshold, as in --gamma 0.5 (seconds of time to collision)")
+        raise InputError("give the event's threshold in the measure's unit, as in --gamma 0.5")
     scenario = load_scenario(name)
     check_road(scenario, name)
     jobs = [make_job(scenario, ego, gamma, method, seed, {"budget": budget}) for ego in egos]

@@ -16,6 +16,7 @@ import ce
 from service.analysis.exposure import exposure_of
 from service.analysis.failures.rerun import Rerunner
 from service.analysis.risk import Risk, risk_of
+from service.analysis.wording import quantity
 from service.errors import InputError, WorkerError
 from service.evaluation.campaign import Watcher, run_job
 from service.evaluation.job import Job, Problem, make_job
@@ -37,6 +38,7 @@ from service.world.egos.open import check_ego, meet_ego
 from service.world.safety.measure import with_measure
 from service.world.scenario import load_scenario
 from service.world.scenario.check import check_road
+from service.world.scenario.measures import IMPACT
 from service.world.scenario.noise_mode import NoiseMode, with_noise_mode
 
 NOT_PRECISE = 3
@@ -123,7 +125,10 @@ def command(
             check_ego(job.ego)  # a run directory may come from someone else
     else:
         if gamma is None:
-            raise InputError("give the event's threshold, as in --gamma 0.2 (seconds of time to collision)")
+            raise InputError(
+                "give the event's threshold in the measure's unit, as in --gamma 0.5 (seconds to collision), or "
+                f"--gamma 0 with the measure {IMPACT} (a contact)"
+            )
         name = scenario or "i80-10s"
         common = {"rel_error": rel_error, "confidence": confidence, "budget": budget}
         search = {
@@ -237,8 +242,8 @@ def _print(summaries: list[dict[str, Any]], compared: list[dict[str, Any]]) -> N
     console = Console()
     first = summaries[0]
     console.print(
-        f"\np = P0(f <= {first['gamma']:g} {first['unit']}), f the {first['measure']}, scenario {first['scenario']}, "
-        f"ego {first['ego']}, seed {first['seed']}"
+        f"\np = P0(f <= {quantity(first['gamma'], first['unit'])}), f the {first['measure']}, "
+        f"scenario {first['scenario']}, ego {first['ego']}, seed {first['seed']}"
     )
     table = Table("", *[s["method"] for s in summaries])
     against = {c["method"]: c for c in compared}

@@ -17,7 +17,7 @@ from service.world.safety.measure import with_measure
 from service.world.scenario import load_scenario
 from service.world.scenario.check import check_road
 from service.world.scenario.fixed import fixed_draw, released
-from service.world.scenario.measures import measure_kind
+from service.world.scenario.measures import measure_kind, unit_at
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 
@@ -103,7 +103,7 @@ def command(
         return
     click.echo(
         f"{scenario}, ego {ego}, seed {seed}: {result.outcome} after {summary['time_s']:g} s, "
-        f"{kind.words} {result.f:.3f}{' ' if kind.unit else ''}{kind.unit}, "
+        f"{kind.words} {f'{result.f:.3f} {unit_at(kind.unit, result.f)}'.rstrip()}, "
         f"mean speed {summary['ego_mean_speed_mps']:.1f} m/s"
     )
     if "same_to_the_bit" in summary:

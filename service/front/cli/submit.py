@@ -19,7 +19,13 @@ METHODS = ("auto", "naive", "ce", "mixture", "splitting")
 @click.option(
     "--ego", default="lidar", show_default=True, help="One of those that `tailroad get egos` lists."
 )
-@click.option("--gamma", type=float, callback=finite, required=True, help="The event is f <= GAMMA (s).")
+@click.option(
+    "--gamma",
+    type=float,
+    callback=finite,
+    required=True,
+    help="The event is f <= GAMMA, in the measure's unit.",
+)
 @click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True)
 @click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True,
               help="Rollouts at most, training included.")  # fmt: skip

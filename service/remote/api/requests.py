@@ -42,7 +42,7 @@ class AskEstimate(_Request, frozen=True):
 
 class AskCurve(_Request, frozen=True):
     """gammas: thresholds, separated by commas; or `steps` ones at equal distances from low to high (default: from 0 to
-    twice the job's gamma)."""
+    twice the job's gamma, and for `ttc-impact` at least from -5 to 1)."""
 
     gammas: Annotated[str, Meta(max_length=20_000)] | None = None
     low: float | None = None

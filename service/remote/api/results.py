@@ -21,6 +21,7 @@ from service.remote.api.objects import (
 from service.remote.api.problems import ApiError, Wrong, short
 from service.remote.api.requests import MAX_PAGE, AskCurve, AskEstimate, IterationsPage, Page
 from service.remote.fleet.service import Fleet
+from service.world.scenario.measures import span
 
 
 class ResultAnswers:
@@ -37,7 +38,7 @@ class ResultAnswers:
 
     def curve(self, asked: AskCurve, job: str) -> Curve:
         view = self._fleet.job(job)
-        gammas = _thresholds(asked, view.gamma)
+        gammas = _thresholds(asked, view.unit, view.gamma)
         self._make_ready(job)
         curve = self._fleet.curve(job, gammas, asked.confidence)
         points = zip(
@@ -100,10 +101,11 @@ def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _thresholds(asked: AskCurve, gamma: float) -> list[float]:
+def _thresholds(asked: AskCurve, unit: str, gamma: float) -> list[float]:
     if asked.gammas is None:
-        low = asked.low if asked.low is not None else min(0.0, 2.0 * gamma)
-        high = asked.high if asked.high is not None else max(0.0, 2.0 * gamma) or 1.0
+        usual = span(unit, gamma)
+        low = asked.low if asked.low is not None else usual[0]
+        high = asked.high if asked.high is not None else usual[1]
         if not low < high:
             wrong = Wrong("low", str(low), f"below high ({high:g})")
             raise ApiError("bad-parameter", f"low is {low:g}: it must lie below high ({high:g})", (wrong,))

@@ -6,6 +6,7 @@ A digest changes with whatever may decide rollouts, code that was only rewritten
 to the same bits, `--accept` keeps them; `--scenario` and `--ego` say what they are called now.
 """
 
+import math
 from pathlib import Path
 
 import click
@@ -36,8 +37,8 @@ def chosen_rows(kept: Kept, rollouts: int) -> np.ndarray:
     return np.union1d(known, rest)
 
 
-def differing_rows(kept: Kept, job: Job, rows: np.ndarray) -> list[str]:
-    """Which of the rows come to something else today, and to what."""
+def differing_rows(kept: Kept, job: Job, rows: np.ndarray, within: float) -> list[str]:
+    """Which of the rows come to something else today, and to what; within: how far f may be off."""
     problem = Problem(job)
     world: RolloutWorld
     if can_leave_out_sumo(job.scenario, job.ego):
@@ -53,11 +54,12 @@ def differing_rows(kept: Kept, job: Job, rows: np.ndarray) -> list[str]:
         (x,), (noise,) = stream.draw(row, row + 1)
         again = world.run(x, int(noise))
         if row not in on_record:
-            if not again.f >= CUTOFF_S:
+            if not again.f >= CUTOFF_S - within:
                 wrong.append(f"row {row}: f = {again.f!r}, on record at least {CUTOFF_S:g}")
             continue
         f, code = on_record[row]
-        if not (again.f == f or (again.f != again.f and f != f)) or OUTCOME_CODES[again.outcome] != code:
+        same = abs(again.f - f) <= within or (math.isnan(again.f) and math.isnan(f))
+        if not same or OUTCOME_CODES[again.outcome] != code:
             then = OUTCOME_NAMES[code]
             wrong.append(f"row {row}: f = {again.f!r} ({again.outcome}), on record {f!r} ({then})")
     return wrong
@@ -73,9 +75,15 @@ def differing_rows(kept: Kept, job: Job, rows: np.ndarray) -> list[str]:
 @click.option("--scenario", help="What the scenario is called now, where it was renamed.")
 @click.option("--ego", help="What the ego is called now, where it was renamed.")
 @click.option(
-    "--accept", is_flag=True, help="Give the file today's digest and names where all bits are the same."
+    "--within",
+    default=0.0,
+    show_default=True,
+    help="How far f may be off: egos on ONNX Runtime have the last bits of their processor.",
 )
-def main(files: tuple[Path, ...], rollouts: int, scenario: str | None, ego: str | None, accept: bool) -> None:
+@click.option("--accept", is_flag=True, help="Give the file today's digest and names where none differs.")
+def main(
+    files: tuple[Path, ...], rollouts: int, scenario: str | None, ego: str | None, within: float, accept: bool
+) -> None:
     """Run rollouts of ground truths again and compare them bit for bit; exit code 1 where one differs."""
     for path in files:
         kept = read_truth(path)
@@ -84,7 +92,7 @@ def main(files: tuple[Path, ...], rollouts: int, scenario: str | None, ego: str 
         )
         job = truth_job(Truth(scenario=ran.scenario, ego=ran.ego, rollouts=1, seed=ran.seed))
         rows = chosen_rows(kept, rollouts)
-        wrong = differing_rows(kept, job, rows)
+        wrong = differing_rows(kept, job, rows, within)
         digest = digest_of(job)
         click.echo(
             f"{path.name}: {rows.size} rollouts run again, {len(wrong)} differ; digest {digest}, on record {ran.digest}"

@@ -2,6 +2,7 @@
 
     ttc               s      time to collision by rays (the paper's): the world computes it anyway
     box-ttc           s      time until two boxes touch if all keep their velocities
+    ttc-impact        s      box-ttc, above 0; at a contact of the ego minus the impact speed in m/s (safety.impact)
     rss               m      RSS margin; below 0 neither the distance along the road nor the one across it is safe
     rss-longitudinal  m      its margin along the road, of vehicles in each other's way
     rss-lateral       m      its margin across the road, of vehicles side by side
@@ -23,6 +24,7 @@ from service.errors import InputError
 from service.world.safety import encroachment, rss
 from service.world.safety.boxes import box_time_to_collision
 from service.world.safety.deceleration import required_deceleration
+from service.world.safety.impact import time_or_impact
 from service.world.scenario.measures import STL, split_measure
 from service.world.scenario.schema import Scenario
 
@@ -123,6 +125,8 @@ def step_function(name: str, scenario: Scenario) -> Callable[[np.ndarray, int], 
     ego = scenario.ego
     if name == "box-ttc":
         return lambda agents, count: box_time_to_collision(agents, count, ego)
+    if name == "ttc-impact":
+        return lambda agents, count: time_or_impact(agents, count, ego)
     if name == "drac":
         return lambda agents, count: 0.0 - required_deceleration(agents, count, ego)
     parameters = rss.rss_parameters(scenario)

@@ -18,6 +18,7 @@ from policies.jit import kernel
 from policies.layout import OUTPUTS
 from policies.network import forward, sample_action
 from service.errors import InputError
+from service.world.safety.impact import time_or_impact
 from service.world.scenario.base import unpack
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
@@ -29,11 +30,13 @@ from sumo_nets.corridor import Corridor
 
 IDM, NETWORK = 0, 1  # kinds of compiled egos
 EGOS = {"idm": IDM, "lidar": NETWORK}
+RAYS, IMPACT = 0, 1  # compiled measures
+MEASURES = {"ttc": RAYS, "ttc-impact": IMPACT}
 
 
 def can_leave_out_sumo(scenario: Scenario, ego: str) -> bool:
     """Whether this scenario's rollouts with this ego need no SUMO."""
-    return ego in EGOS and scenario.background is None and scenario.safety.measure == "ttc"
+    return ego in EGOS and scenario.background is None and scenario.safety.measure in MEASURES
 
 
 @kernel
@@ -63,8 +66,9 @@ def drive(
     rays: np.ndarray,
     observations: np.ndarray,
     poses: np.ndarray,
+    measure: int,
 ) -> tuple[float, int, int]:
-    """The smallest time to collision (s), how the ego ended (service.world.sim.step) and the steps driven.
+    """The smallest value of the measure, how the ego ended (service.world.sim.step) and the steps driven.
 
     action_noise: (steps, vehicles, 2) standard normals; the rest as `service.world.sim.step` has it.
     """
@@ -72,6 +76,8 @@ def drive(
     status, smallest = observe(
         agents, controlled, controlled, ego, reference, lanes, spacing_m, beams, rays, observations
     )
+    if measure == IMPACT:
+        smallest = time_or_impact(agents, controlled, ego)
     k = 0
     while status == step.RUNNING and k < action_noise.shape[0]:
         if ego_kind == IDM:
@@ -85,11 +91,13 @@ def drive(
             agents, controlled, ego, a, w, observations, w1, b1, w2, b2, head, scale, action_noise[k], dt_s,
             lanes.shape[1], poses,
         )  # fmt: skip
-        status, ttc = observe(
+        status, value = observe(
             agents, controlled, controlled, ego, reference, lanes, spacing_m, beams, rays, observations
         )
-        if ttc < smallest:
-            smallest = ttc
+        if measure == IMPACT:
+            value = time_or_impact(agents, controlled, ego)
+        if value < smallest:
+            smallest = value
         k += 1
     return smallest, status, k
 
@@ -102,11 +110,12 @@ class WithoutSumo:
         if not can_leave_out_sumo(scenario, ego):
             raise InputError(
                 f"scenario {scenario.name} with ego {ego!r} needs SUMO: what can do without are the egos "
-                f"{' and '.join(sorted(EGOS))}, with the measure ttc and without background traffic"
+                f"{' and '.join(sorted(EGOS))}, with the measures {' and '.join(MEASURES)}, without background traffic"
             )
         self._scenario = scenario
         network = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
         self._network = network
+        self._measure = MEASURES[scenario.safety.measure]
         self._world = World(
             road_of(corridor),
             network,
@@ -115,6 +124,7 @@ class WithoutSumo:
             scenario.time.step_s,
             rays=scenario.safety.rays,
         )
+        self._rays = self._world.rays if self._measure == RAYS else self._world.rays[:0]
         policy = load_ego(ego)
         # the intelligent driver reads no weights; it is given the drivers' so that the kernel has one signature
         own = policy.weights if isinstance(policy, LidarEgo) else self._drivers_weights(drivers)
@@ -141,7 +151,8 @@ class WithoutSumo:
         f, status, k = drive(
             world.agents, world.vehicles, world.ego, *self._ego, net.w1, net.b1, net.w2, net.b2, world.head,
             net.action_scale, normals, self._scenario.time.step_s, world.road.reference, world.road.lanes,
-            world.road.spacing_m, world.beams, world.rays, world.observations, world.poses,
+            world.road.spacing_m, world.beams, self._rays, world.observations, world.poses,
+            self._measure,
         )  # fmt: skip
         if math.isnan(f):
             return Rollout(math.nan, "error", 0, "EgoError: the ego answered a number that is not finite")

@@ -24,10 +24,17 @@ def opened(scenario, ego):
     return problem, WithoutSumo(scenario, problem.corridor, problem.drivers, ego)
 
 
-@pytest.mark.parametrize(("scenario", "ego"), [("i80-paper-10s", "lidar"), ("us101-paper-10s", "idm")])
-def test_a_rollout_without_sumo_has_the_bits_of_one_with_it(scenario, ego):
+@pytest.mark.parametrize(
+    ("scenario", "measure", "ego"),
+    [
+        ("i80-paper-10s", "ttc", "lidar"),
+        ("us101-paper-10s", "ttc", "idm"),
+        ("i80-paper-10s", "ttc-impact", "lidar"),
+    ],
+)
+def test_a_rollout_without_sumo_has_the_bits_of_one_with_it(scenario, measure, ego):
     """With the shipped drivers, of whom some change lanes and some rollouts end in a collision."""
-    problem, alone = opened(load_scenario(scenario), ego)
+    problem, alone = opened(with_measure(load_scenario(scenario), measure), ego)
     x, noise_seeds = ce.draw(problem.base, 3, "estimate", 0, 0, 40)
     x[:8, [4 * v + 3 for v in range(6)]] = [
         20.0,
@@ -44,6 +51,9 @@ def test_a_rollout_without_sumo_has_the_bits_of_one_with_it(scenario, ego):
         ]
     assert all(one == two for one, two in pairs)
     assert {"horizon", "collision"} <= {one.outcome for one, _ in pairs}
+    if measure == "ttc-impact":
+        assert all((one.outcome == "collision") == (one.f <= 0.0) for one, _ in pairs)
+        assert min(one.f for one, _ in pairs) < -1.0
 
 
 def test_frozen_noise_and_given_noise_are_the_same_too(make_scenario):
