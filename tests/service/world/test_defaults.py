@@ -16,12 +16,10 @@ def test_defaults_are_what_they_were():
         format=1, name="n", description="d", network=scenario.network, time=Time(horizon_s=10.0), start=start,
         vehicles=scenario.vehicles,
     )  # fmt: skip
-    found = msgspec.to_builtins(least)
-    assert found["time"]["step_s"] == 0.1
-    assert found["drivers"] == {"weights": "drivers-gail", "noise": "drawn"}
-    assert found["safety"]["measure"] == "ttc"
-    assert found["safety"]["rays"] == 20
-    assert (found["background"], found["weather"], found["fixed"]) == (None, None, None)
+    assert least.time.step_s == 0.1
+    assert (least.drivers.weights, least.drivers.noise_mode) == ("drivers-gail", "drawn")
+    assert (least.safety.measure, least.safety.rays) == ("ttc", 20)
+    assert (least.background, least.weather, least.fixed) == (None, None, None)
 
 
 def test_the_papers_scenarios_keep_the_papers_measure_and_drivers():
@@ -30,4 +28,4 @@ def test_the_papers_scenarios_keep_the_papers_measure_and_drivers():
         assert scenario.name == name
         assert scenario.safety.measure == "ttc"
         assert scenario.drivers.weights == "drivers-gail"
-        assert scenario.drivers.noise == "drawn"
+        assert scenario.drivers.noise_mode == "drawn"
