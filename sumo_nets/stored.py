@@ -24,9 +24,11 @@ NET_DIGEST = "net_sha256"
 
 def store_lanes(corridor: Corridor, path: Path) -> Path:
     """Write a corridor's arrays and what net they were read from."""
-    arrays = {f.name: getattr(corridor, f.name) for f in fields(corridor) if f.name != "net_path"}
+    arrays: dict[str, Any] = {
+        f.name: getattr(corridor, f.name) for f in fields(corridor) if f.name != "net_path"
+    }
     arrays[NET_DIGEST] = _digest(Path(corridor.net_path))
-    np.savez_compressed(path, **{name: np.asarray(value) for name, value in arrays.items()})
+    np.savez_compressed(path, **arrays)
     return path
 
 

@@ -35,8 +35,8 @@ def digest_of(job: Job) -> str:
     problem = Problem(job)
     digest = hashlib.sha256(msgspec.json.encode(decisive(job.scenario), order="deterministic"))
     road = road_of(problem.corridor)
-    for part in (road.reference, road.lanes):
-        digest.update(part.tobytes())
+    for table in (road.reference, road.lanes):
+        digest.update(table.tobytes())
     digest.update(f"{road.spacing_m!r}/{job.weights_sha256}/{job.seed}/".encode())
     for part in _ego(job, problem):
         digest.update(hashlib.sha256(part).digest())
