@@ -3,11 +3,13 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
+from service.training import stored
 from service.training.gail import (
     Discriminator,
     discriminator_loss,
@@ -43,7 +45,7 @@ class GailSettings:
 
 
 @dataclass(frozen=True)
-class Rows:
+class Sampled:
     """Rows to draw from in proportion to `share` (n,): seen (n, 51), actions and their noise (n, 2) in m/s^2, rad/s."""
 
     seen: np.ndarray
@@ -60,11 +62,22 @@ class Rows:
         )
 
 
+@dataclass(frozen=True)
+class _Checkpoint:
+    """Where an interrupted training goes on: states of the networks and of their optimisers, records so far."""
+
+    net: dict[str, Tensor]
+    discriminator: dict[str, Tensor]
+    generator_steps: dict[str, Any]
+    discriminator_steps: dict[str, Any]
+    curve: list[dict[str, Any]]
+
+
 def train_adversarially(
     net: DriverNet,
     sites: Sequence[Windows],
-    recorded: Rows,
-    anchor: Rows,
+    recorded: Sampled,
+    anchor: Sampled,
     road: Road,
     settings: GailSettings,
     seed: int,
@@ -85,16 +98,14 @@ def train_adversarially(
     discriminator_steps = torch.optim.Adam(
         discriminator.parameters(), lr=settings.discriminator_rate, betas=(0.5, 0.99)
     )
-    parts = {
-        "net": net, "discriminator": discriminator, "generator_steps": generator_steps,
-        "discriminator_steps": discriminator_steps,
-    }  # fmt: skip
     curve: list[dict] = []
     if checkpoint is not None and checkpoint.is_file():
-        stored = torch.load(checkpoint, weights_only=True, map_location=device)
-        for name, part in parts.items():
-            part.load_state_dict(stored[name])  # type: ignore[attr-defined]
-        curve = stored["curve"]
+        kept = stored.load(checkpoint, _Checkpoint)
+        net.load_state_dict(kept.net)
+        discriminator.load_state_dict(kept.discriminator)
+        generator_steps.load_state_dict(kept.generator_steps)
+        discriminator_steps.load_state_dict(kept.discriminator_steps)
+        curve = kept.curve
     tables = torch_road(road, device=device)
     scale = torch.as_tensor(ACTION_SCALE, dtype=torch.float32, device=device)
     total = settings.warm_up + settings.updates * len(settings.horizons)
@@ -149,11 +160,14 @@ def train_adversarially(
         curve.append(record)
         tick(record)
         if checkpoint is not None and (len(curve) % checkpoint_every == 0 or len(curve) == total):
-            checkpoint.parent.mkdir(parents=True, exist_ok=True)
-            part_file = checkpoint.with_suffix(".part")
-            states = {name: part.state_dict() for name, part in parts.items()}  # type: ignore[attr-defined]
-            torch.save({**states, "curve": curve}, part_file)
-            part_file.replace(checkpoint)
+            states = _Checkpoint(
+                net.state_dict(),
+                discriminator.state_dict(),
+                generator_steps.state_dict(),
+                discriminator_steps.state_dict(),
+                curve,
+            )
+            stored.save(checkpoint, states)
     return curve
 
 

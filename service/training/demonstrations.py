@@ -96,7 +96,7 @@ def correction(shift: np.ndarray, speed: np.ndarray) -> np.ndarray:
     return np.column_stack([accel, sideways / v])
 
 
-def _rows(scene: Scene, frame, vehicle, shift, kind: int) -> Rows:
+def _rows(scene: Scene, frame: np.ndarray, vehicle: np.ndarray, shift: np.ndarray, kind: int) -> Rows:
     road = scene_road(scene.road)
     state = np.stack([scene.x, scene.y, scene.heading, scene.speed], axis=-1)
     size = np.column_stack([scene.length_m, scene.width_m])
@@ -117,7 +117,7 @@ def _rows(scene: Scene, frame, vehicle, shift, kind: int) -> Rows:
     )
 
 
-def _gap_ahead(scene: Scene, frame, vehicle) -> np.ndarray:
+def _gap_ahead(scene: Scene, frame: np.ndarray, vehicle: np.ndarray) -> np.ndarray:
     """Bumper distance (m) to the next vehicle ahead in the same lane, 30 at most."""
     gap = np.empty(len(frame))
     for f in np.unique(frame):

@@ -11,156 +11,99 @@ aggregation; adversarial training through the differentiable world; the last lay
 the distribution of its weights; metrics.
 """
 
-import json
-import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from rich.progress import Progress
 
-from policies.data.recordings import load_recordings
 from policies.drivers import save_drivers
 from service.training import metrics
-from service.training.adversary import GailSettings, Rows, train_adversarially
-from service.training.demonstrations import held_out_vehicles
-from service.training.device import described, device_of
-from service.training.drivers import (
-    Stages,
-    command,
-    data_card,
-    measure,
-    mixture,
-    parse,
-    public,
-    rows_of,
-    train_members,
-    train_trunk,
-    versions,
-    xi_effects,
-)
+from service.training.adversary import GailSettings, Sampled, train_adversarially
+from service.training.cloning import DriverArguments, Visits, mixture, train_trunk
+from service.training.demonstrations import Rows
+from service.training.device import described
+from service.training.driver_figures import measure, xi_effects
 from service.training.ensemble import describe
-from service.training.expert import evidence, fit, noise_sd
+from service.training.expert import Expert, fit, noise_sd
 from service.training.head_spread import Spread, spreads
 from service.training.lane_changes import ChangingExpert
-from service.training.network import ACTION_SCALE, exported
+from service.training.members import Members, train_members
+from service.training.network import ACTION_SCALE, DriverNet, exported
+from service.training.run import People, Stages, begin, recorded_people, ticks, versions
 from service.training.windows import Windows
-from service.training.world import Network
-from service.world.sim.road import i80_road
+from service.training.world import Network, drawn_from, weights_of
+from service.world.sim.road import Road, i80_road
 
 
 @dataclass(frozen=True)
-class Arguments:
+class Arguments(DriverArguments):
     """Every argument of the training; the defaults made the shipped weights."""
 
-    data: Path  # the data pack's folder, or one of imported tables
-    out: Path  # where the weights and their card go
-    seed: int = 1
-    rounds: int = 4  # of aggregation
-    rollouts: int = 250  # of six drivers, in each round
+    rounds: int = 4
+    rollouts: int = 250
     visit_seconds: float = 30.0  # of each of them: neighbours are together at the start
     visit_every: int = 8  # steps between the states taken
-    first_steps: int = 1500  # of AdamW on the recordings alone, before the first round
-    round_steps: int = 1500  # in each round
-    final_steps: int = 11_000  # on all rows
+    round_steps: int = 1500
+    final_steps: int = 11_000
     dropout: float = 0.0
-    decay: float = 0.05  # AdamW's weight decay
-    batch: int = 1024
-    recorded_share: float = 0.3  # of the rows in a batch
+    decay: float = 0.05
+    recorded_share: float = 0.3
     perturbed_share: float = 0.15
-    us101_weight: float = 2.0  # of a faster row relative to a slow one
     horizons: str = "20,50,100,200"  # of the adversarial training, in steps
     updates: int = 120  # for each horizon
-    members: int = 24  # resamples of the last layer
-    ridge: float = 3e-3  # pulls members to the common head where the data leave weights open
-    member_rows: int = 40_000  # rows each resample is drawn from
     spread: str = "whitened"  # estimator of Sigma0 (service.training.head_spread)
-    check_rollouts: int = 400  # for the metrics on the whole road
-    threads: int = 1
-    device: str = "cpu"  # auto, cpu or cuda (service.training.device); the shipped weights are a CPU's
+    check_rollouts: int = 400
 
 
 def main() -> None:
-    arguments = parse(Arguments, __doc__)
-    began = time.time()
+    run = begin("drivers", Arguments, __doc__, seed_key=(4,))
+    arguments, stages, device = run.arguments, run.stages, run.device
+    rows_rng, visit_rng, train_rng, expert_rng, member_rng, xi_rng, check_rng = run.generators(7)
 
-    # Randomness: everything below draws from these.
-    torch.manual_seed(arguments.seed)
-    torch.set_num_threads(arguments.threads)
-    device = device_of(arguments.device)
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence([arguments.seed, 4]).spawn(7)]
-    rows_rng, visit_rng, train_rng, expert_rng, member_rng, xi_rng, check_rng = streams
-
-    stages = Stages(arguments)
     with Progress() as progress:
-        recordings = load_recordings(arguments.data)
-        scenes = recordings.scenes
-        recorded, perturbed = stages.get("rows", lambda: rows_of(scenes, rows_rng))
-        found = evidence(recordings.following, scenes, [~held_out_vehicles(scene) for scene in scenes])
-        expert = fit(found, ChangingExpert())
+        people = recorded_people(arguments.data, stages, rows_rng)
+        expert = fit(people.evidence, ChangingExpert())
         road = i80_road()
-        visits: dict[str, Any] = {
-            "seconds": arguments.visit_seconds,
-            "every": arguments.visit_every,
-            "device": device,
-        }
+        visits = Visits(arguments.visit_seconds, arguments.visit_every)
         cloned, aggregated = stages.get(
             "trunk",
+            tuple[DriverNet, Rows],
             lambda: train_trunk(
-                arguments, recorded, perturbed, expert, road, visit_rng, train_rng, progress, **visits
+                arguments, people, expert, road, visit_rng, train_rng, progress, visits=visits, device=device
             ),
         )
         net, curve = stages.get(
             "gail",
-            lambda: against(
-                arguments,
-                cloned,
-                recordings,
-                recorded,
-                perturbed,
-                aggregated,
-                expert,
-                stages,
-                progress,
-                device,
-            ),
+            tuple[DriverNet, list[dict[str, Any]]],
+            lambda: against(arguments, cloned, people, aggregated, expert, stages, progress, device),
         )
         network = exported(net, aggregated.seen)
-        experts, refitted, shapes, common = stages.get(
+        members = stages.get(
             "members",
+            Members,
             lambda: train_members(
-                arguments,
-                network,
-                recorded,
-                perturbed,
-                aggregated,
-                expert,
-                found,
-                expert_rng,
-                member_rng,
-                progress,
+                arguments, network, people, aggregated, expert, expert_rng, member_rng, progress
             ),
         )
         # what a resample changes in the last layer, around the adversarially trained one
-        members = network.head.astype(np.float64) + (refitted - common)
-        estimates = stages.get("spread", lambda: spreads(members, shapes))
+        heads = network.head.astype(np.float64) + (members.heads - members.common)
+        estimates = stages.get("spread", dict[str, Spread], lambda: spreads(heads, members.shapes))
         chosen = estimates[arguments.spread].distribution
         centre = network._replace(head=chosen.mean.astype(np.float32))
         driving = stages.get(
-            "driving", lambda: how_they_drive(network, members, estimates, road, arguments.seed, progress)
+            "driving",
+            dict[str, Any],
+            lambda: how_they_drive(network, heads, estimates, road, arguments.seed, progress),
         )
-        root = np.linalg.cholesky(chosen.covariance)
-
-        def draw(rng: np.random.Generator) -> Network:
-            xi = chosen.mean + root @ rng.standard_normal(len(root))
-            return network._replace(head=xi.astype(np.float32))
-
+        draw = drawn_from(network, chosen.mean, chosen.covariance)
         measured = stages.get(
             "metrics",
+            dict[str, Any],
             lambda: measure(
-                arguments, draw, centre, road, recordings, recorded, aggregated, xi_rng, check_rng, progress
+                arguments.check_rollouts, draw, centre, road, people, xi_rng, check_rng, progress
             ),
         )
 
@@ -169,34 +112,27 @@ def main() -> None:
         "what": "distribution of human drivers: network 51-200-100-4, last layer N(mu0, Sigma0)",
         "method": "model-based generative adversarial imitation through a differentiable world, from a network cloned "
         "from recordings and a fitted expert with lane changes (aggregation); last layer retrained on resamples",
-        "command": command("service.training.drivers_gail", arguments),
-        "seed": arguments.seed,
-        "arguments": public(arguments),
-        "data": data_card(arguments, recordings, recorded, perturbed, aggregated),
-        "expert": {**expert.as_dict(), "resampled": [e.as_dict() for e in experts]},
+        **run.repeated_by(),
+        "data": people.card(arguments.shares(), aggregated),
+        "expert": {**expert.as_dict(), "resampled": members.experts},
         "learning_curve": thinned(curve),
         "action_scale": ACTION_SCALE.tolist(),
         "sigma0": {
             **describe(chosen),
-            "members": len(members),
+            "members": len(heads),
             "estimator": arguments.spread,
             "estimators": {name: _reported(one) for name, one in estimates.items()},
             "how_they_drive": driving,
-            **xi_effects(network, members, chosen, recorded, aggregated),
+            **xi_effects(network, heads, chosen, {"recorded": people.rows, "aggregated": aggregated}),
         },
         "metrics": measured,
         "limits": LIMITS,
         "versions": versions(),
         "device": described(device),
     }
-    arrays = {
-        "w1": network.w1, "b1": network.b1, "w2": network.w2, "b2": network.b2,
-        "mu0": chosen.mean, "sigma0": chosen.covariance, "action_scale": ACTION_SCALE,
-    }  # fmt: skip
+    arrays = weights_of(network, chosen.mean, chosen.covariance)
     path = save_drivers(arguments.out / "drivers-gail.safetensors", arrays, card)
-    stages.clear()
-    print(json.dumps({key: card[key] for key in ("metrics", "sigma0")}, indent=1))
-    print(f"written: {path} and its card, after {time.time() - began:.0f} s")
+    run.finish(path, card, ("metrics", "sigma0"))
 
 
 LIMITS = [
@@ -212,16 +148,25 @@ LIMITS = [
 ]
 
 
-def against(arguments, net, recordings, recorded, perturbed, aggregated, expert, stages, progress, device):
+def against(
+    arguments: Arguments,
+    net: DriverNet,
+    people: People,
+    aggregated: Rows,
+    expert: Expert,
+    stages: Stages,
+    progress: Progress,
+    device: torch.device,
+) -> tuple[DriverNet, list[dict[str, Any]]]:
     """The adversarially trained network and its learning curve."""
-    learn = recorded.where(~recorded.held_out)
+    learn = people.learned_from()
     sd = noise_sd(expert, learn.seen)
     sd[:, 0] = 0.0  # people's accelerations bring their own spread; their turn rates were smoothed
     even = np.full(len(learn), 1.0 / len(learn))
-    real = Rows(learn.seen, learn.action.astype(np.float64), sd, even)
-    seen, action, sd, weight = mixture(arguments, recorded, perturbed, aggregated, expert)
-    anchor = Rows(seen, action, sd, weight / weight.sum())
-    sites = [Windows(scenes, device=device) for scenes in recordings.sites.values()]
+    real = Sampled(learn.seen, learn.action.astype(np.float64), sd, even)
+    rows = mixture(arguments, people, aggregated, expert)
+    anchor = Sampled(rows.seen, rows.action, rows.sd, rows.weight / rows.weight.sum())
+    sites = [Windows(scenes, device=device) for scenes in people.recordings.sites.values()]
     horizons = tuple(int(word) for word in arguments.horizons.split(","))
     settings = GailSettings(horizons=horizons, updates=arguments.updates)
     task = progress.add_task(
@@ -230,7 +175,7 @@ def against(arguments, net, recordings, recorded, perturbed, aggregated, expert,
     net = net.to(device)
     curve = train_adversarially(
         net, sites, real, anchor, i80_road(), settings, arguments.seed,
-        checkpoint=stages.path("gail", ".pt"),
+        checkpoint=stages.path("gail", ".checkpoint"),
         tick=lambda record: progress.update(task, completed=record["update"] + 1),
     )  # fmt: skip
     progress.remove_task(task)
@@ -238,31 +183,30 @@ def against(arguments, net, recordings, recorded, perturbed, aggregated, expert,
 
 
 def how_they_drive(
-    network: Network, members, estimates: dict[str, Spread], road, seed: int, progress
-) -> dict:
+    network: Network,
+    members: np.ndarray,
+    estimates: dict[str, Spread],
+    road: Road,
+    seed: int,
+    progress: Progress,
+) -> dict[str, Any]:
     """Members and drivers drawn from each estimate on the whole road: the same starts and noise for all."""
     rollouts = 60
 
-    def of(rng, pick) -> dict:
-        task = progress.add_task("estimators", total=rollouts)
-        found = metrics.whole_road(
-            lambda r: network._replace(head=pick(r).astype(np.float32)), road, rollouts, rng,
-            tick=lambda: progress.update(task, advance=1),
-        )  # fmt: skip
-        progress.remove_task(task)
-        return found
+    def of(draw: Callable[[np.random.Generator], Network]) -> dict[str, Any]:
+        with ticks(progress, "estimators", rollouts) as tick:
+            return metrics.whole_road(draw, road, rollouts, np.random.default_rng(seed), tick=tick)
 
-    result = {"members": of(np.random.default_rng(seed), lambda r: members[r.integers(len(members))])}
+    def of_members(rng: np.random.Generator) -> Network:
+        return network._replace(head=members[rng.integers(len(members))].astype(np.float32))
+
+    result = {"members": of(of_members)}
     for name, one in estimates.items():
-        root = np.linalg.cholesky(one.distribution.covariance)
-        centre = one.distribution.mean
-        result[name] = of(
-            np.random.default_rng(seed), lambda r, c=centre, a=root: c + a @ r.standard_normal(len(c))
-        )
+        result[name] = of(drawn_from(network, one.distribution.mean, one.distribution.covariance))
     return result
 
 
-def _reported(one: Spread) -> dict:
+def _reported(one: Spread) -> dict[str, Any]:
     return {
         **describe(one.distribution),
         "left_out_log_likelihood": {str(key): round(value, 2) for key, value in one.scores.items()},

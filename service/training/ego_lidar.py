@@ -10,8 +10,7 @@ ego-lidar.safetensors with its card ego-lidar.json. Minutes on one core; an inte
 finished stage.
 """
 
-import json
-import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,26 +18,19 @@ import numpy as np
 import torch
 from rich.progress import Progress
 
-from policies.data.recordings import load_recordings
 from policies.drivers import load_drivers, save_drivers
 from policies.layout import HEAD_SIZE, OUTPUTS
 from service.training import metrics
 from service.training.aggregation import visited, visited_among
-from service.training.demonstrations import AGGREGATED, Rows, held_out_vehicles, joined
-from service.training.device import described, device_of
-from service.training.drivers import Stages, command, data_card, parse, public, rows_of, versions
-from service.training.expert import Expert, evidence, fit, lateral_speed, mean_action
+from service.training.demonstrations import AGGREGATED, Rows, joined
+from service.training.device import described
+from service.training.driver_figures import HORIZONS_S, mean_errors
+from service.training.expert import Expert, fit, lateral_speed, mean_action
 from service.training.lane_changes import KeepingExpert
-from service.training.network import (
-    ACTION_SCALE,
-    DriverNet,
-    exported,
-    input_statistics,
-    network_features,
-    train,
-)
-from service.training.world import Network
-from service.world.sim.road import i80_road
+from service.training.network import ACTION_SCALE, DriverNet, exported, input_statistics, train
+from service.training.run import People, begin, recorded_people, ticks, versions
+from service.training.world import Network, drawn_from, network_of, weights_of
+from service.world.sim.road import Road, i80_road
 
 # What the ego's expert does otherwise than the fitted average driver (Treiber and Kesting 2013, table 11.2: freeway).
 CAREFUL = {
@@ -77,80 +69,47 @@ class Arguments:
 
 
 def main() -> None:
-    arguments = parse(Arguments, __doc__)
-    began = time.time()
-
-    # Randomness: everything below draws from these.
-    torch.manual_seed(arguments.seed)
-    torch.set_num_threads(arguments.threads)
-    device = device_of(arguments.device)
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence([arguments.seed, 2]).spawn(4)]
-    rows_rng, visit_rng, train_rng, check_rng = streams
+    run = begin("ego-lidar", Arguments, __doc__, seed_key=(2,))
+    arguments, stages = run.arguments, run.stages
+    rows_rng, visit_rng, train_rng, check_rng = run.generators(4)
 
     model = load_drivers(arguments.drivers)
-    stages = Stages(arguments)
     with Progress() as progress:
-        recordings = load_recordings(arguments.data)
-        scenes = recordings.scenes
-        recorded, perturbed = stages.get("rows", lambda: rows_of(scenes, rows_rng))
-        perturbed = lane_keeping(perturbed)
-        found = evidence(recordings.following, scenes, [~held_out_vehicles(scene) for scene in scenes])
-        expert = replace(fit(found, KeepingExpert()), **CAREFUL)
+        people = recorded_people(arguments.data, stages, rows_rng)
+        expert = replace(fit(people.evidence, KeepingExpert()), **CAREFUL)
         road = i80_road()
-        drivers = Network(
-            model.w1, model.b1, model.w2, model.b2, model.mu0.astype(np.float32), model.action_scale
-        )
-        root = np.linalg.cholesky(model.sigma0)
-
-        def draw(rng: np.random.Generator) -> Network:
-            xi = model.mu0 + root @ rng.standard_normal(HEAD_SIZE)
-            return drivers._replace(head=xi.astype(np.float32))
-
+        draw = drawn_from(network_of(model), model.mu0, model.sigma0)
         net, aggregated = stages.get(
             "network",
+            tuple[DriverNet, Rows],
             lambda: train_network(
-                arguments, recorded, perturbed, expert, road, draw, visit_rng, train_rng, progress, device
+                arguments, people, expert, road, draw, visit_rng, train_rng, progress, run.device
             ),
         )
         network = exported(net, aggregated.seen)
-        task = progress.add_task("whole road", total=arguments.check_rollouts)
-        on_road = metrics.whole_road(
-            draw,
-            road,
-            arguments.check_rollouts,
-            check_rng,
-            ego=network,
-            tick=lambda: progress.update(task, advance=1),
-        )
-        loop = {
-            name: metrics.closed_loop(
-                lambda _: network, part, (5.0, 10.0, 20.0), check_rng, samples=1, ego=True
+        with ticks(progress, "whole road", arguments.check_rollouts) as tick:
+            on_road = metrics.whole_road(
+                draw, road, arguments.check_rollouts, check_rng, ego=network, tick=tick
             )
-            for name, part in recordings.sites.items()
+        loop = {
+            name: metrics.closed_loop(lambda _: network, part, HORIZONS_S, check_rng, samples=1, ego=True)
+            for name, part in people.recordings.sites.items()
         }
-        held = recorded.where(recorded.held_out)
-        h = np.column_stack([network_features(network, held.seen), np.ones(len(held))])
-        error = (h @ network.head.reshape(-1, OUTPUTS))[:, :2] * ACTION_SCALE - held.action
+        held = people.held_out()
         behind = metrics.brakes_for_leader(quiet(network), road, check_rng)
 
     card = {
         "name": "ego-lidar",
         "what": "ego policy under test: network 51-200-100-2 on lidar and lane position, mean action, no noise",
         "method": "behaviour cloning (squared error), noise injection, data set aggregation with a careful expert",
-        "command": command("service.training.ego_lidar", arguments),
-        "seed": arguments.seed,
-        "arguments": public(arguments),
-        "data": data_card(arguments, recordings, recorded, perturbed, aggregated),
+        **run.repeated_by(),
+        "data": people.card((arguments.recorded_share, arguments.perturbed_share), aggregated),
         "expert": expert.as_dict(),
         "action_scale": ACTION_SCALE.tolist(),
         "metrics": {
             "p0_whole_road_among_drivers": {"drivers": arguments.drivers, **on_road},
             "behind_a_slower_vehicle": behind,
-            "held_out_open_loop": {
-                "rows": len(held),
-                "rmse_accel_mps2": round(float(np.sqrt(np.mean(error[:, 0] ** 2))), 4),
-                "rmse_turn_rate_radps": round(float(np.sqrt(np.mean(error[:, 1] ** 2))), 5),
-            },
+            "held_out_open_loop": {"rows": len(held), **mean_errors(network, held)},
             "held_out_closed_loop": loop,
         },
         "limits": [
@@ -160,17 +119,12 @@ def main() -> None:
             "Twenty beams: a vehicle between two beams is not seen.",
         ],
         "versions": versions(),
-        "device": described(device),
-        "training_s": round(time.time() - began),
+        "device": described(run.device),
+        "training_s": run.elapsed_s(),
     }
-    arrays = {
-        "w1": network.w1, "b1": network.b1, "w2": network.w2, "b2": network.b2, "mu0": quiet(network).head,
-        "sigma0": np.zeros((HEAD_SIZE, HEAD_SIZE)), "action_scale": ACTION_SCALE,
-    }  # fmt: skip
+    arrays = weights_of(network, quiet(network).head, np.zeros((HEAD_SIZE, HEAD_SIZE)))
     path = save_drivers(arguments.out / "ego-lidar.safetensors", arrays, card)
-    stages.clear()
-    print(json.dumps(card["metrics"], indent=1))
-    print(f"written: {path} and its card, after {time.time() - began:.0f} s")
+    run.finish(path, card)
 
 
 def quiet(network: Network, log_std: float = -5.0) -> Network:
@@ -181,7 +135,7 @@ def quiet(network: Network, log_std: float = -5.0) -> Network:
     return network._replace(head=head.reshape(-1))
 
 
-def urgency(arguments, rows: Rows, expert: Expert) -> np.ndarray:
+def urgency(arguments: Arguments, rows: Rows, expert: Expert) -> np.ndarray:
     """Shares (n,) of rows in a batch, adding to 1: states that call for hard braking are few and matter most."""
     weight = np.ones(len(rows))
     if rows.kind[0] == AGGREGATED:
@@ -195,10 +149,18 @@ def lane_keeping(rows: Rows) -> Rows:
 
 
 def train_network(
-    arguments, recorded, perturbed, expert: Expert, road, draw, visit_rng, train_rng, progress, device
-):
+    arguments: Arguments,
+    people: People,
+    expert: Expert,
+    road: Road,
+    draw: Callable[[np.random.Generator], Network],
+    visit_rng: np.random.Generator,
+    train_rng: np.random.Generator,
+    progress: Progress,
+    device: torch.device,
+) -> tuple[DriverNet, Rows]:
     """The network trained on everything, and the rows aggregated on the way."""
-    learn = lane_keeping(recorded.where(~recorded.held_out))
+    learn, perturbed = lane_keeping(people.learned_from()), lane_keeping(people.perturbed)
     wide = np.concatenate([learn.seen, perturbed.seen])
     net, aggregated = DriverNet(*input_statistics(wide)).to(device), None
     for turn in range(arguments.rounds + 1):
@@ -223,6 +185,7 @@ def train_network(
             aggregated = joined([part for part in (aggregated, new, among) if part is not None])
             if turn == 0:  # inputs of the scenario lie outside the recordings' range: standardise for both
                 net = DriverNet(*input_statistics(np.concatenate([wide, new.seen]))).to(device)
+    assert aggregated is not None  # there is a round
     return net.cpu(), aggregated
 
 

@@ -12,9 +12,10 @@ round at its last checkpoint.
 """
 
 import json
-import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -23,12 +24,13 @@ from torch.nn.functional import smooth_l1_loss
 
 from policies import layout
 from policies.egos.vision import VisionEgo, beside
-from service.training.drivers import Stages, parse, public, versions
+from service.training import stored
 from service.training.ego_vision_figures import figures
 from service.training.ego_vision_network import ACTION_SCALE, CHANNELS, HINT_SCALE, VisionNet, export
 from service.training.ego_vision_world import WEATHER_KINDS, States, VisionWorld
 from service.training.expert import mean_action
 from service.training.lane_changes import KeepingExpert
+from service.training.run import Stages, begin, ticks, versions
 
 EXPERT = KeepingExpert(
     time_headway_s=1.2,
@@ -63,19 +65,14 @@ class Arguments:
 
 
 def main() -> None:
-    arguments = parse(Arguments, __doc__)
-    began = time.time()
+    run = begin("ego-vision", Arguments, __doc__, seed_key=(5,))
+    arguments, stages = run.arguments, run.stages
+    streams = run.streams(2 * arguments.rounds + 4)
 
-    # Randomness: everything below draws from these.
-    torch.manual_seed(arguments.seed)
-    torch.set_num_threads(arguments.threads)
-    streams = np.random.SeedSequence([arguments.seed, 5]).spawn(2 * arguments.rounds + 4)
-
-    stages = Stages(arguments)
     world = VisionWorld(arguments.drivers)
     net = VisionNet().to(memory_format=torch.channels_last)
     states = stages.get(
-        "scattered", lambda: world.scattered(arguments.scattered, np.random.default_rng(streams[0]))
+        "scattered", States, lambda: world.scattered(arguments.scattered, np.random.default_rng(streams[0]))
     )
     onnx = stages.path("network", ".onnx")
     with Progress() as progress:
@@ -88,31 +85,27 @@ def main() -> None:
             export(net, onnx)
             if not last:
                 rng = np.random.default_rng(streams[arguments.rounds + 2 + turn])
-                new = stages.get(
-                    f"visited-{turn}", lambda rng=rng: visited(world, VisionEgo(onnx), arguments, rng)
+                states = States.joined(
+                    [
+                        states,
+                        stages.get(f"visited-{turn}", States, partial(visited, world, onnx, arguments, rng)),
+                    ]
                 )
-                states = States.joined([states, new])
-        task = progress.add_task("figures", total=len(WEATHER_KINDS))
-        measured = {}
-        for (name, weather), stream in zip(
-            WEATHER_KINDS.items(), streams[-1].spawn(len(WEATHER_KINDS)), strict=True
-        ):
-            rng = np.random.default_rng(stream)
-            measured[name] = stages.get(
-                f"figures, {name}".replace("/", " per "),
-                lambda weather=weather, rng=rng: figures(
-                    world, VisionEgo(onnx), EXPERT, weather, arguments.check_drives, rng
-                ),
-            )
-            progress.update(task, advance=1)
+        measured: dict[str, Any] = {}
+        with ticks(progress, "figures", len(WEATHER_KINDS)) as tick:
+            for (name, weather), stream in zip(
+                WEATHER_KINDS.items(), streams[-1].spawn(len(WEATHER_KINDS)), strict=True
+            ):
+                rng = np.random.default_rng(stream)
+                made = partial(figures, world, VisionEgo(onnx), EXPERT, weather, arguments.check_drives, rng)
+                measured[name] = stages.get(f"figures, {name}".replace("/", " per "), dict[str, Any], made)
+                tick()
 
     card = {
         "name": "ego-vision",
         "what": "ego policy under test: camera 200 x 66 RGB, speed and 20-beam lidar -> acceleration and turn rate",
         "method": "imitation of a lane-keeping, careful expert in our world, data set aggregation over all weathers",
-        "command": command(arguments),
-        "seed": arguments.seed,
-        "arguments": public(arguments),
+        **run.repeated_by(),
         "network": {"convolutions": list(CHANNELS), "parameters": sum(p.numel() for p in net.parameters()),
                     "action_scale": list(ACTION_SCALE)},
         "expert": EXPERT.as_dict(),
@@ -124,29 +117,35 @@ def main() -> None:
             "Twenty beams: a vehicle between two beams is not in the lidar.",
         ],
         "versions": versions(),
-        "training_s": round(time.time() - began),
+        "training_s": run.elapsed_s(),
     }  # fmt: skip
     arguments.out.mkdir(parents=True, exist_ok=True)
     weights = arguments.out / "ego-vision.onnx"
     weights.write_bytes(onnx.read_bytes())
     weights.with_suffix(".json").write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
-    stages.clear()
-    print(json.dumps(card["metrics"], indent=1))
-    print(f"written: {weights} and its card, after {time.time() - began:.0f} s")
+    run.finish(weights, card)
 
 
-def command(arguments: Arguments) -> str:
-    """The command that repeats the run; only arguments that differ from their defaults are spelled out."""
-    words = [f"tailroad train ego-vision --out DIR --seed {arguments.seed}"]
-    for name, value in asdict(arguments).items():
-        default = Arguments.__dataclass_fields__[name].default
-        if name not in ("out", "seed", "threads") and value != default:
-            words.append(f"--{name.replace('_', '-')} {value}")
-    return " ".join(words)
+@dataclass(frozen=True)
+class _Checkpoint:
+    """Where an interrupted round goes on: states of network, optimiser and schedule, and steps done."""
+
+    net: dict[str, torch.Tensor]
+    optimiser: dict[str, Any]
+    schedule: dict[str, Any]
+    done: int
 
 
 def learn(
-    net, world, states: States, steps: int, turn: int, arguments: Arguments, stages, stream, progress
+    net: VisionNet,
+    world: VisionWorld,
+    states: States,
+    steps: int,
+    turn: int,
+    arguments: Arguments,
+    stages: Stages,
+    stream: np.random.SeedSequence,
+    progress: Progress,
 ) -> None:
     """Train for `steps` batches of moments drawn from `states`, or take up a run of them that was interrupted."""
     optimiser = torch.optim.AdamW(net.parameters(), lr=arguments.rate, weight_decay=1e-4)
@@ -154,13 +153,13 @@ def learn(
         optimiser, arguments.rate * (1.0 if turn == 0 else 0.5), steps, pct_start=0.1
     )
     done, loss_mean = 0, None
-    checkpoint = stages.path(f"round-{turn}", ".pt")
+    checkpoint = stages.path(f"round-{turn}", ".checkpoint")
     if checkpoint.is_file():
-        kept = torch.load(checkpoint, weights_only=True)
-        net.load_state_dict(kept["net"])
-        optimiser.load_state_dict(kept["optimiser"])
-        schedule.load_state_dict(kept["schedule"])
-        done = kept["done"]
+        kept = stored.load(checkpoint, _Checkpoint)
+        net.load_state_dict(kept.net)
+        optimiser.load_state_dict(kept.optimiser)
+        schedule.load_state_dict(kept.schedule)
+        done = kept.done
     labels = mean_action(EXPERT, states.seen) / ACTION_SCALE
     hints = states.seen[:, HINTS] / HINT_SCALE
     values = beside(states.seen)
@@ -187,15 +186,13 @@ def learn(
         )
         if (k + 1) % CHECKPOINT_STEPS == 0 or k + 1 == steps:
             print(f"round {turn}, step {k + 1} of {steps}: loss {loss_mean:.4f}", flush=True)
-            part = checkpoint.with_suffix(".part")
-            torch.save({"net": net.state_dict(), "optimiser": optimiser.state_dict(), "schedule": schedule.state_dict(),
-                        "done": k + 1}, part)  # fmt: skip
-            part.replace(checkpoint)
+            states_now = (net.state_dict(), optimiser.state_dict(), schedule.state_dict())
+            stored.save(checkpoint, _Checkpoint(*states_now, k + 1))
 
 
-def visited(world: VisionWorld, ego: VisionEgo, arguments: Arguments, rng: np.random.Generator) -> States:
-    """Moments that the network reaches in drives with disturbed actions, in all weathers."""
-    parts = []
+def visited(world: VisionWorld, onnx: Path, arguments: Arguments, rng: np.random.Generator) -> States:
+    """Moments that the exported network reaches in drives with disturbed actions, in all weathers."""
+    ego, parts = VisionEgo(onnx), []
     for number in range(arguments.drives):
         scenario = ("i80-paper-10s", "i80-paper-data")[number % 2]
         sway = float(rng.choice([0.5, 1.0, 2.0]))

@@ -111,7 +111,7 @@ def leader(seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return gap, np.where(np.isfinite(gap), closing, 0.0)
 
 
-def _interaction(expert: Expert, v, gap, closing):
+def _interaction(expert: Expert, v: np.ndarray, gap: np.ndarray, closing: np.ndarray) -> np.ndarray:
     root = 2.0 * np.sqrt(expert.acceleration_mps2 * expert.comfort_mps2)
     wanted = expert.standstill_gap_m + np.maximum(0.0, expert.time_headway_s * v + v * closing / root)
     return expert.acceleration_mps2 * (wanted / np.maximum(gap, 0.5)) ** 2
@@ -200,10 +200,10 @@ def _fit_following(expert: Expert, following: np.ndarray, evaluations: int) -> E
     names = ("time_headway_s", "comfort_mps2")
     low, high = np.log([0.3, 0.5]), np.log([3.0, 6.0])
 
-    def with_values(logs):
+    def with_values(logs: np.ndarray) -> Expert:
         return replace(expert, **dict(zip(names, np.exp(np.clip(logs, low, high)).tolist(), strict=True)))
 
-    def loss(logs):
+    def loss(logs: np.ndarray) -> float:
         outside = np.sum(np.square(logs - np.clip(logs, low, high)))
         return _spacing_error(with_values(logs), following) + outside
 

@@ -17,6 +17,7 @@ The numbers below were chosen such that simulated drivers agree with the recordi
 within the lane, peak lateral speed and the probabilities above (deploy/decisions/0011-lane-changes.md has the table).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,7 +90,7 @@ class ChangingExpert(KeepingExpert):
         growth = self.noise_growth * np.minimum(np.abs(moved) / self.switch_threshold_mps, 1.0) ** 2
         return self.noise_strength * (1.0 + clear * growth)
 
-    def _switches(self, seen: np.ndarray):
+    def _switches(self, seen: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
         threshold = self.switch_threshold_mps * np.where(
             self._held_up(seen), self.threshold_behind_slower, 1.0
         )

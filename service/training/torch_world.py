@@ -187,7 +187,10 @@ def lidar(state: State, controlled: int) -> tuple[Tensor, Tensor]:
     return torch.where(seen, distance, limit), torch.where(seen, rate, torch.zeros_like(rate))
 
 
-def _ray_box(px, py, c, s, own_c, own_s, beam, half_length, half_width) -> Tensor:
+def _ray_box(
+    px: Tensor, py: Tensor, c: Tensor, s: Tensor, own_c: Tensor, own_s: Tensor, beam: Tensor, half_length: Tensor,
+    half_width: Tensor,
+) -> Tensor:  # fmt: skip
     """Distance along each beam to a box, inf where it misses; the sizes broadcast against px."""
     cosine, sine = own_c * c + own_s * s, own_s * c - own_c * s
     dx, dy = beam[0] * cosine - beam[1] * sine, beam[0] * sine + beam[1] * cosine

@@ -5,11 +5,13 @@ rollouts (for data set aggregation and for the metrics of the cards) run without
 """
 
 import itertools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from policies import layout as O
+from policies.drivers import DriverModel
 from policies.jit import kernel
 from policies.network import forward
 from service.world import agents as A
@@ -33,10 +35,38 @@ class Network(NamedTuple):
     action_scale: np.ndarray
 
 
+def network_of(model: DriverModel) -> Network:
+    """The network of stored weights, with the mean of its last layer."""
+    head = model.mu0.astype(np.float32)
+    return Network(model.w1, model.b1, model.w2, model.b2, head, model.action_scale)
+
+
+def weights_of(network: Network, mean: np.ndarray, covariance: np.ndarray) -> dict[str, np.ndarray]:
+    """The arrays of a weights file: the network with a last layer from N(mean (404,), covariance (404, 404))."""
+    arrays = network._asdict()
+    del arrays["head"]
+    return {**arrays, "mu0": mean, "sigma0": covariance}
+
+
+def drawn_from(
+    network: Network, mean: np.ndarray, covariance: np.ndarray
+) -> Callable[[np.random.Generator], Network]:
+    """Draws of the network with a last layer from N(mean (404,), covariance (404, 404))."""
+    root = np.linalg.cholesky(covariance)
+
+    def draw(rng: np.random.Generator) -> Network:
+        xi = mean + root @ rng.standard_normal(len(root))
+        return network._replace(head=xi.astype(np.float32))
+
+    return draw
+
+
 @kernel
 def observe_recorded(
-    state, size, present, which_frame, which_vehicle, shift, reference, lanes, spacing_m, beams, out
-):
+    state: np.ndarray, size: np.ndarray, present: np.ndarray, which_frame: np.ndarray, which_vehicle: np.ndarray,
+    shift: np.ndarray, reference: np.ndarray, lanes: np.ndarray, spacing_m: float, beams: np.ndarray,
+    out: np.ndarray,
+) -> None:  # fmt: skip
     """Observations (n, 51) of recorded vehicles, each moved by its row of `shift`.
 
     state: (F, N, 4) x, y, heading, speed; size: (N, 2); present: (F, N); which_frame, which_vehicle: (n,); shift:
@@ -82,9 +112,12 @@ TRACE = 14
 
 @kernel
 def drive(
-    agents, controlled, ego, steps, w1, b1, w2, b2, head, action_scale, noise, e1, c1, e2, c2, ego_head,
-    reference, lanes, spacing_m, beams, observations, trace, ego_ttc, replay, stop_with_ego,
-):  # fmt: skip
+    agents: np.ndarray, controlled: int, ego: int, steps: int, w1: np.ndarray, b1: np.ndarray, w2: np.ndarray,
+    b2: np.ndarray, head: np.ndarray, action_scale: np.ndarray, noise: np.ndarray, e1: np.ndarray, c1: np.ndarray,
+    e2: np.ndarray, c2: np.ndarray, ego_head: np.ndarray, reference: np.ndarray, lanes: np.ndarray,
+    spacing_m: float, beams: np.ndarray, observations: np.ndarray, trace: np.ndarray, ego_ttc: np.ndarray,
+    replay: np.ndarray, stop_with_ego: bool,
+) -> int:  # fmt: skip
     """Drive the first `controlled` vehicles for `steps` as the simulation does, without SUMO.
 
     The driver network (w1, b1, w2, b2, head) drives all but row `ego` (-1: none), which the mean action of the
@@ -147,7 +180,10 @@ def drive(
 
 
 @kernel
-def _place_all(agents, stations, lane, offsets, headings, reference, lanes, spacing_m):
+def _place_all(
+    agents: np.ndarray, stations: np.ndarray, lane: np.ndarray, offsets: np.ndarray, headings: np.ndarray,
+    reference: np.ndarray, lanes: np.ndarray, spacing_m: float,
+) -> None:  # fmt: skip
     for v in range(agents.shape[0]):
         place(agents[v], stations[v], lane[v], offsets[v], headings[v], reference, lanes, spacing_m)
 
@@ -187,8 +223,9 @@ def standard_starts(
 
 
 def rollout(
-    agents, road: Road, steps: int, drivers: Network, noise, ego: int = NO_EGO, ego_network: Network | None = None,
-    controlled: int | None = None, replay=None, stop_with_ego: bool = True,
+    agents: np.ndarray, road: Road, steps: int, drivers: Network, noise: np.ndarray, ego: int = NO_EGO,
+    ego_network: Network | None = None, controlled: int | None = None, replay: np.ndarray | None = None,
+    stop_with_ego: bool = True,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
     """Drive `agents` (changed in place); returns observations, trace and the ego's time to collision (see drive).
 

@@ -15,8 +15,9 @@ from service.errors import InputError  # noqa: E402
 from service.training import gail, torch_world  # noqa: E402
 from service.training.adversary import scenario_starts  # noqa: E402
 from service.training.device import described, device_of  # noqa: E402
-from service.training.drivers import Arguments, Stages, command, public  # noqa: E402
+from service.training.drivers import Arguments  # noqa: E402
 from service.training.network import DriverNet, exported, on_cpu  # noqa: E402
+from service.training.run import Stages, command, public  # noqa: E402
 from service.training.windows import Batch  # noqa: E402
 from service.world.sim.road import i80_road  # noqa: E402
 
@@ -74,8 +75,8 @@ def test_what_is_handed_on_lies_on_the_cpu():
 def test_the_device_is_no_part_of_what_a_card_repeats(tmp_path):
     here, there = (Arguments(tmp_path, tmp_path, device=name) for name in ("cpu", "cuda"))
     assert public(here) == public(there)
-    assert command("m", here) == command("m", there) == "python -m m --data DIR --out DIR --seed 1"
-    assert Stages(here).path("gail", ".pt") != Stages(there).path("gail", ".pt")
+    assert command("m", here) == command("m", there) == "tailroad train m --data DIR --out DIR --seed 1"
+    assert Stages(here).path("gail", ".checkpoint") != Stages(there).path("gail", ".checkpoint")
 
 
 def test_a_run_that_goes_on_draws_what_it_would_have_drawn(tmp_path):
@@ -85,7 +86,7 @@ def test_a_run_that_goes_on_draws_what_it_would_have_drawn(tmp_path):
     def two_stages() -> tuple[torch.Tensor, torch.Tensor]:
         torch.manual_seed(5)
         stages = Stages(arguments)
-        return stages.get("first", lambda: torch.rand(3)), torch.rand(3)
+        return stages.get("first", torch.Tensor, lambda: torch.rand(3)), torch.rand(3)
 
     whole, resumed = two_stages(), two_stages()
     assert torch.equal(whole[0], resumed[0])

@@ -6,7 +6,7 @@ import torch
 
 from policies import layout as O
 from policies.data.scenes import Scene, straight_lanes
-from service.training.adversary import GailSettings, Rows, train_adversarially
+from service.training.adversary import GailSettings, Sampled, train_adversarially
 from service.training.demonstrations import recorded_rows
 from service.training.ensemble import FLOOR_SD
 from service.training.gail import (
@@ -58,15 +58,15 @@ def scene() -> Scene:
 
 
 @pytest.fixture(scope="module")
-def rows(scene) -> Rows:
+def rows(scene) -> Sampled:
     found = recorded_rows(scene)
-    return Rows(
+    return Sampled(
         found.seen, found.action.astype(float), np.full((len(found), 2), [0.2, 0.01]),
         np.full(len(found), 1 / len(found)),
     )  # fmt: skip
 
 
-def network(rows: Rows, seed: int = 1) -> DriverNet:
+def network(rows: Sampled, seed: int = 1) -> DriverNet:
     torch.manual_seed(seed)
     return DriverNet(*input_statistics(rows.seen))
 
@@ -177,7 +177,7 @@ def test_an_interrupted_training_ends_with_the_same_weights(scene, rows, tmp_pat
         if record["update"] == 3:
             raise Stopped
 
-    checkpoint = tmp_path / "gail.pt"
+    checkpoint = tmp_path / "gail.checkpoint"
     with pytest.raises(Stopped):
         train_adversarially(
             network(rows),

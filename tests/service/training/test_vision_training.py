@@ -14,10 +14,10 @@ from policies.egos.vision import FRAME_SHAPE, VisionEgo, beside
 torch = pytest.importorskip("torch")
 
 from service.training import ego_vision  # noqa: E402
-from service.training.drivers import Stages  # noqa: E402
 from service.training.ego_vision_figures import outcomes  # noqa: E402
 from service.training.ego_vision_network import VisionNet, export  # noqa: E402
 from service.training.ego_vision_world import VisionWorld  # noqa: E402
+from service.training.run import Stages  # noqa: E402
 from service.world.camera import Weather  # noqa: E402
 from service.world.sim import step  # noqa: E402
 
