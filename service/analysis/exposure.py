@@ -38,7 +38,15 @@ def exposure_of(
     """
     key = hashlib.sha256(
         msgspec.msgpack.encode(
-            (version("tailroad"), ROLLOUTS, confidence, job.scenario, job.ego, job.weights_sha256),
+            (
+                version("tailroad"),
+                ROLLOUTS,
+                confidence,
+                job.scenario,
+                job.ego,
+                job.weights_sha256,
+                job.ego_sha256,
+            ),
             order="deterministic",
         )
     ).hexdigest()[:16]

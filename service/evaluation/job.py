@@ -10,6 +10,7 @@ import msgspec
 
 import ce
 from policies.drivers import DriverModel, load_drivers
+from policies.egos import ego_digest
 from service.errors import InputError, StoreError
 from service.world.egos.open import camera_elsewhere, check_ego, open_ego
 from service.world.safety.measure import open_monitor
@@ -34,6 +35,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
     seed: int
     tailroad: str = version("tailroad")
     weights_sha256: str = ""  # of the drivers' weights, so that a resumed job is not mixed with others'
+    ego_sha256: str = ""  # of the ego's, where it is one of the shipped networks
 
     @property
     def id(self) -> str:
@@ -58,6 +60,7 @@ def make_job(
         options=options,
         seed=seed,
         weights_sha256=_weights_digest(load_drivers(scenario.drivers.weights)),
+        ego_sha256=ego_digest(ego),
     )
     check_ego(ego)
     open_monitor(scenario, len(scenario.vehicles))
@@ -121,8 +124,17 @@ class Problem:
         digest = hashlib.sha256(f"{self.job.method}/{self.job.seed}".encode()).digest()
         return int.from_bytes(digest[:8], "little")
 
+    def check_ego_weights(self) -> None:
+        """StoreError where the ego's weights have changed since the job was made."""
+        if self.job.ego_sha256 not in ("", ego_digest(self.job.ego)):
+            raise StoreError(
+                f"the weights of ego {self.job.ego!r} have changed since this run began; start a new run with another "
+                "--out"
+            )
+
     def simulator(self, fcd: Path | None = None, gui: bool = False) -> Simulator:
         """A simulator of this job's rollouts, for this process."""
+        self.check_ego_weights()
         ego = open_ego(self.job.ego, self.job.scenario, self.corridor)
         return Simulator(
             self.job.scenario,
@@ -141,6 +153,7 @@ def without_sumo(job: Job) -> Audited | Simulator:
     problem = Problem(job)
     if not can_leave_out_sumo(job.scenario, job.ego):
         return problem.simulator()
+    problem.check_ego_weights()
     alone = WithoutSumo(job.scenario, problem.corridor, problem.drivers, job.ego)
     return Audited(alone, problem.simulator())
 

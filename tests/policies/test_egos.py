@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
+import shutil
 
 import numpy as np
 import pytest
 
 from policies import egos, layout
-from policies.drivers import load_drivers
-from policies.egos import Observation, ego_names, load_ego
+from policies.drivers import WEIGHTS_FOLDER, load_drivers
+from policies.egos import Observation, ego_digest, ego_names, ego_weights, load_ego, registry
 from policies.egos.idm import DESIRED_SPEED_MPS, IdmEgo
 from policies.egos.lidar import LidarEgo
 from policies.egos.vision import FRAME_SHAPE
@@ -39,7 +42,7 @@ def observations(n: int) -> list[np.ndarray]:
 FRAME = np.random.default_rng(12).integers(0, 256, FRAME_SHAPE, dtype=np.uint8)
 
 
-@pytest.fixture(params=["idm", "lidar", "vision"])
+@pytest.fixture(params=ego_names())
 def ego(request, drivers) -> egos.EgoPolicy:
     return LidarEgo(drivers) if request.param == "lidar" else load_ego(request.param)
 
@@ -75,6 +78,33 @@ def test_the_names_of_the_protocol_and_the_registry_agree(ego):
     assert ego.name in ego_names()
 
 
+def test_weights_with_their_card_make_an_ego():
+    assert ego_names() == ["idm", "lidar", "lidar-paper", "vision", "vision-paper"]
+    for name in ego_names():
+        assert load_ego(name).name == name
+        path = ego_weights(name)
+        if name == "idm":
+            assert path is None
+            assert ego_digest(name) == ""
+        else:
+            assert json.loads(path.with_suffix(".json").read_text())["name"] == path.stem == f"ego-{name}"
+            assert ego_digest(name) == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_a_further_file_is_a_further_ego(tmp_path, monkeypatch):
+    monkeypatch.setattr(registry, "WEIGHTS_FOLDER", tmp_path)
+    assert ego_names() == ["idm"]
+    for suffix in (".safetensors", ".json"):
+        shutil.copy(WEIGHTS_FOLDER / f"ego-lidar{suffix}", tmp_path / f"ego-mine{suffix}")
+    assert ego_names() == ["idm", "mine"]
+    vector = observations(1)[0]
+    mine = load_ego("mine")
+    monkeypatch.undo()
+    assert mine.act(Observation(vector, 0.0)) == load_ego("lidar").act(Observation(vector, 0.0))
+    with pytest.raises(ValueError, match="did you mean 'lidar'"):
+        load_ego("lidr")
+
+
 def test_the_idm_ego_is_the_intelligent_driver_at_the_speed_limit():
     assert pytest.approx(55 * 1609.344 / 3600, abs=0.02) == DESIRED_SPEED_MPS
     for vector in observations(20):
@@ -97,7 +127,10 @@ def test_an_unknown_name_is_refused_with_the_nearest_one():
 
 
 def test_a_name_like_nothing_known_is_refused_with_all_names():
-    with pytest.raises(ValueError, match=r"no ego named 'os\.system'; there are idm, lidar, vision"):
+    with pytest.raises(
+        ValueError,
+        match=r"no ego named 'os\.system'; there are idm, lidar, lidar-paper, vision, vision-paper",
+    ):
         load_ego("os.system")
 
 

@@ -10,9 +10,10 @@ import math
 import numpy as np
 
 from policies.drivers import DriverModel
-from policies.egos import load_ego
+from policies.egos import ego_names, ego_weights, load_ego
 from policies.egos.idm import DESIRED_SPEED_MPS
 from policies.egos.lidar import LidarEgo
+from policies.egos.registry import LIDAR
 from policies.idm import idm_action
 from policies.jit import kernel
 from policies.layout import OUTPUTS
@@ -29,14 +30,22 @@ from service.world.sim.world import DriverNetwork, World
 from sumo_nets.corridor import Corridor
 
 IDM, NETWORK = 0, 1  # kinds of compiled egos
-EGOS = {"idm": IDM, "lidar": NETWORK}
 RAYS, IMPACT = 0, 1  # compiled measures
 MEASURES = {"ttc": RAYS, "ttc-impact": IMPACT}
 
 
+def compiled_ego(name: str) -> int | None:
+    """Which kind of compiled ego has that name; None for one that is not compiled."""
+    if name == "idm":
+        return IDM
+    weights = ego_weights(name)
+    return NETWORK if weights is not None and weights.suffix == LIDAR else None
+
+
 def can_leave_out_sumo(scenario: Scenario, ego: str) -> bool:
     """Whether this scenario's rollouts with this ego need no SUMO."""
-    return ego in EGOS and scenario.background is None and scenario.safety.measure in MEASURES
+    compiled = compiled_ego(ego) is not None and scenario.safety.measure in MEASURES
+    return compiled and scenario.background is None
 
 
 @kernel
@@ -107,10 +116,12 @@ class WithoutSumo:
 
     def __init__(self, scenario: Scenario, corridor: Corridor, drivers: DriverModel, ego: str):
         """InputError where the scenario or the ego needs SUMO."""
-        if not can_leave_out_sumo(scenario, ego):
+        kind = compiled_ego(ego)
+        if kind is None or not can_leave_out_sumo(scenario, ego):
+            compiled = [name for name in ego_names() if compiled_ego(name) is not None]
             raise InputError(
                 f"scenario {scenario.name} with ego {ego!r} needs SUMO: what can do without are the egos "
-                f"{' and '.join(sorted(EGOS))}, with the measures {' and '.join(MEASURES)}, without background traffic"
+                f"{', '.join(compiled)}, with the measures {' and '.join(MEASURES)}, without background traffic"
             )
         self._scenario = scenario
         network = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
@@ -128,7 +139,7 @@ class WithoutSumo:
         policy = load_ego(ego)
         # the intelligent driver reads no weights; it is given the drivers' so that the kernel has one signature
         own = policy.weights if isinstance(policy, LidarEgo) else self._drivers_weights(drivers)
-        self._ego = (EGOS[ego], *own)
+        self._ego = (kind, *own)
 
     def _drivers_weights(self, drivers: DriverModel) -> tuple[np.ndarray, ...]:
         n = self._network
