@@ -49,7 +49,8 @@ def build(folder: Path) -> list[str]:
         text=True,
     )
     if rendered.returncode:
-        return [rendered.stdout.partition("Traceback (most recent call last)")[0]]
+        said, _, traceback = rendered.stdout.partition("Traceback (most recent call last)")
+        return [said, *traceback.strip().split("\n")[-3:]]
     return [f"{p}: not in the navigation (docs/site.toml)" for p in forgotten] + complaints(
         folder / project["site_dir"]
     )

@@ -29,7 +29,10 @@ class _Formula(InlineProcessor):
         self, m: re.Match[str], data: str
     ) -> tuple[Element | str, int, int]:
         assert self.md is not None
-        return self.md.htmlStash.store(convert(m.group(1), display=self.display)), m.start(0), m.end(0)
+        shown = convert(m.group(1), display=self.display)
+        if "&#x0005C;" in shown or "\\" in shown:
+            raise ValueError(f"${m.group(1)}$ has a command that latex2mathml does not know; write it otherwise")
+        return self.md.htmlStash.store(shown), m.start(0), m.end(0)
 
 
 class Mathematics(Extension):

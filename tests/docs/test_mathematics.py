@@ -19,3 +19,8 @@ def test_formulas_become_mathml_within_a_line_and_as_a_block():
 @pytest.mark.parametrize("text", ["$HOME and $PATH", "it costs $5 or $6", "`$x$`", r"\$x\$", "a $ b $ c"])
 def test_other_dollar_signs_are_left_alone(text):
     assert "<math" not in html(text)
+
+
+def test_a_command_that_would_be_shown_as_it_is_written_is_refused():
+    with pytest.raises(ValueError, match="does not know"):
+        html(r"$\nosuchthing{x}$")
