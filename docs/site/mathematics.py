@@ -31,7 +31,9 @@ class _Formula(InlineProcessor):
         assert self.md is not None
         shown = convert(m.group(1), display=self.display)
         if "&#x0005C;" in shown or "\\" in shown:
-            raise ValueError(f"${m.group(1)}$ has a command that latex2mathml does not know; write it otherwise")
+            raise ValueError(
+                f"${m.group(1)}$ has a command that latex2mathml does not know; write it otherwise"
+            )
         return self.md.htmlStash.store(shown), m.start(0), m.end(0)
 
 
