@@ -27,8 +27,8 @@ class ScenarioError(InputError):
     def __init__(self, source: str, key: str, given: object, remedy: str):
         self.source, self.key, self.given, self.remedy = source, key, given, remedy
         where = f"{source}: {key}" if key else source
-        said = "" if given is None else f" is {_shortened(repr(given))}"
-        super().__init__(f"{where}{said}: {remedy}")
+        value_text = "" if given is None else f" is {_shortened(repr(given))}"
+        super().__init__(f"{where}{value_text}: {remedy}")
 
 
 class SimulationError(TailroadError):

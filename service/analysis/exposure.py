@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 import ce
-from service.analysis.failures.rerun import Again, Rerunner
+from service.analysis.failures.rerun import Rerun, Rerunner
 from service.evaluation.job import Job
 
 ROLLOUTS = 40
@@ -62,7 +62,7 @@ def exposure_of(
     return found
 
 
-def _mean(drives: Sequence[Again], confidence: float) -> Exposure | None:
+def _mean(drives: Sequence[Rerun], confidence: float) -> Exposure | None:
     km = [drive.driven_m / 1000.0 for drive in drives if drive.error is None]
     hours = [drive.time_s / 3600.0 for drive in drives if drive.error is None]
     n = len(km)

@@ -55,7 +55,8 @@ class Risk(msgspec.Struct, frozen=True, kw_only=True):
     baseline: Baseline
     times_baseline: float | None
     times_baseline_ci: tuple[float, float | None]
-    said: str
+    summary: str = ""
+    said: str  # summary by its old name
     assumptions: tuple[str, ...]
 
 
@@ -107,6 +108,7 @@ def rate_of(
     rate_ci = least, most
     between_ci = MILLION / most if most else 0.0, MILLION / least if least > 0.0 else None
     times_ci = least / per, None if most is None else most / per
+    summary = _summary(event, p, rate, rate_ci, between_ci, confidence, times_ci, baseline)
     return Risk(
         p=p,
         ci=ci,
@@ -119,12 +121,13 @@ def rate_of(
         baseline=baseline,
         times_baseline=None if rate is None else rate / per,
         times_baseline_ci=times_ci,
-        said=_said(event, p, rate, rate_ci, between_ci, confidence, times_ci, baseline),
+        summary=summary,
+        said=summary,
         assumptions=_assumptions(exposure, event, baseline),
     )
 
 
-def _said(
+def _summary(
     event: str,
     p: float | None,
     rate: float | None,

@@ -39,13 +39,19 @@ class FailedRollout:
 class JobRecord:
     """What the record says of a job.
 
-    estimate: of f <= estimate.gamma, from the batches that are complete. recorded: rollouts on record, those of an
-    incomplete batch included. parameters: of the proposal of each batch. estimate_iteration: of the batches that the
-    estimate is made of (a method that switches leaves others behind). event_rows, event_log_likelihood: the estimation
-    rollouts with f <= estimate.gamma, and log p0(x) of each, nats; none for methods that move chains instead of drawing
-    a fresh sample. explicit: x, noise seed and f of the events and failures of batches that cannot be drawn from
-    parameters alone, by (phase, iteration, row); told: these batches. outcomes: how the recorded rollouts of each phase
-    ended.
+    estimate: of f <= estimate.gamma, from the batches that are complete
+    parameters: of the proposal of each batch, by (phase, iteration)
+    estimate_iteration: of the batches that the estimate is made of; a method that switches leaves others behind
+    event_rows: the estimation rollouts with f <= estimate.gamma; none for methods that move chains instead of drawing a
+        fresh sample
+    event_log_likelihood: log p0(x) of each of them, nats
+    explicit: x, noise seed and f of the events and failures of batches that cannot be drawn from parameters alone, by
+        (phase, iteration, row)
+    outcomes: how the recorded rollouts of each phase ended
+    errors: phase, iteration, row and reason of each failed rollout
+    recorded: rollouts on record, those of an incomplete batch included
+    worker_s, sim_s: seconds of workers, and simulated seconds, that they took
+    explicit_batches: phase and iteration of the batches that `explicit` is of
     """
 
     job: Job
@@ -63,7 +69,7 @@ class JobRecord:
     recorded: int
     worker_s: float
     sim_s: float
-    told: frozenset[BatchKey] = frozenset()
+    explicit_batches: frozenset[BatchKey] = frozenset()
 
     @property
     def planned(self) -> int:
@@ -80,7 +86,7 @@ class JobRecord:
         blocks: dict[tuple[int, int], list[int]] = {}
         for iteration, row in keys:
             if (iteration, row) not in found:
-                if (phase, iteration) in self.told:
+                if (phase, iteration) in self.explicit_batches:
                     raise InputError(
                         f"rollout {row} of phase {phase}, iteration {iteration} is neither dangerous nor failed: of "
                         f"method {self.estimate.method} only those are kept so that they can be brought back"
@@ -135,8 +141,10 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
         f = recorded(batch)
         if batch.explicit:
             explicit_batches.add((batch.phase, batch.iteration))
-            told = np.isnan(f) | (f <= threshold)  # a method that moves chains calls all its batches training
-            for i in np.flatnonzero(told).tolist():
+            kept_rows = np.isnan(f) | (
+                f <= threshold
+            )  # a method that moves chains calls all its batches training
+            for i in np.flatnonzero(kept_rows).tolist():
                 explicit[batch.phase, batch.iteration, batch.start + i] = (
                     batch.x[i].copy(),
                     int(batch.noise[i]),
@@ -189,7 +197,7 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
         recorded=count,
         worker_s=worker_s,
         sim_s=steps * job.scenario.time.step_s,
-        told=frozenset(explicit_batches),
+        explicit_batches=frozenset(explicit_batches),
     )
 
 

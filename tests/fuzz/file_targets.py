@@ -16,7 +16,7 @@ from policies.data.scenes import DataError
 from policies.data.tables import is_table, read_tables
 from policies.drivers import WeightsError, load_drivers, shipped
 from service.analysis.failures.memory import Memory
-from service.analysis.failures.rerun import Again
+from service.analysis.failures.rerun import Rerun
 from service.errors import InputError, ScenarioError, StoreError
 from service.evaluation.job import Job, make_job
 from service.evaluation.record import replay
@@ -191,7 +191,7 @@ class FileTargets:
     def _remembered(self) -> bytes:
         memory = Memory(self._job, self._folder)
         for row in range(3):
-            memory.add((0, row), 0.3, Again(0.3, "collision", None))
+            memory.add((0, row), 0.3, Rerun(0.3, "collision", None))
         memory.save()
         (path,) = (self._folder / "failures").iterdir()
         return path.read_bytes()

@@ -20,7 +20,7 @@ from service.analysis.comparison.objects import (
     Pair,
     Side,
 )
-from service.analysis.comparison.words import said_of
+from service.analysis.comparison.words import pair_summary
 from service.analysis.failures.events import events_of
 from service.analysis.failures.examine import (
     EXAMINED,
@@ -119,13 +119,15 @@ def _pair(
         for mode in sorted({*modes[a].values(), *modes[b].values()})
     ]
     changes.sort(key=lambda m: (-abs(m.difference.difference), m.mode))
+    summary = pair_summary((sides[a], sides[b]), difference, changes, event, first.confidence)
     return Pair(
         a=a,
         b=b,
         difference=difference,
         draws=pairs_of(first, second),
         modes=tuple(changes),
-        said=said_of((sides[a], sides[b]), difference, changes, event, first.confidence),
+        summary=summary,
+        said=summary,
     )
 
 

@@ -24,7 +24,9 @@ def difference_of(a: ce.Estimate, b: ce.Estimate) -> Difference:
     found = ce.compare(b, a)
     if min(a.ess, b.ess) >= ENOUGH:
         ratio = found.ratio if math.isfinite(found.ratio) else None
-        return _told(found.difference, found.difference_ci, ratio, found.ratio_ci, found.paired, "normal")
+        return _difference(
+            found.difference, found.difference_ci, ratio, found.ratio_ci, found.paired, "normal"
+        )
     bounds = bounds_of((a.p, *_surer(a).ci), (b.p, *_surer(b).ci))
     pairs = pairs_of(a, b)
     if pairs is None:
@@ -35,7 +37,7 @@ def difference_of(a: ce.Estimate, b: ce.Estimate) -> Difference:
     )
     ci = float(gained_low - lost_high), float(gained_high - lost_low)
     ratio_ci = bounds.ratio_ci[0], math.inf if bounds.ratio_ci[1] is None else bounds.ratio_ci[1]
-    return _told(b.p - a.p, ci, bounds.ratio, ratio_ci, True, "paired counts")
+    return _difference(b.p - a.p, ci, bounds.ratio, ratio_ci, True, "paired counts")
 
 
 def bounds_of(a: tuple[float, float, float], b: tuple[float, float, float]) -> Difference:
@@ -43,7 +45,7 @@ def bounds_of(a: tuple[float, float, float], b: tuple[float, float, float]) -> D
     (p_a, a_low, a_high), (p_b, b_low, b_high) = a, b
     ratio_ci = (b_low / a_high if a_high > 0 else 0.0, b_high / a_low if a_low > 0 else math.inf)
     ratio = p_b / p_a if p_a > 0 else None
-    return _told(p_b - p_a, (b_low - a_high, b_high - a_low), ratio, ratio_ci, False, "bounds")
+    return _difference(p_b - p_a, (b_low - a_high, b_high - a_low), ratio, ratio_ci, False, "bounds")
 
 
 def pairs_of(a: ce.Estimate, b: ce.Estimate) -> Pairs | None:
@@ -67,7 +69,7 @@ def _surer(estimate: ce.Estimate) -> ce.Estimate:
     return replace(estimate, confidence=1.0 - 0.5 * (1.0 - estimate.confidence))
 
 
-def _told(
+def _difference(
     difference: float,
     ci: tuple[float, float],
     ratio: float | None,

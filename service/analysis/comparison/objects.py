@@ -1,4 +1,4 @@
-"""What is told of a comparison, as JSON objects; `tailroad schema comparison` prints their JSON Schema.
+"""A comparison as JSON objects; `tailroad schema comparison` prints their JSON Schema.
 
 In a pair, A is what is compared against and B what is new.
 """
@@ -80,7 +80,8 @@ class Pair(msgspec.Struct, frozen=True, kw_only=True):
     difference: Difference
     draws: Pairs | None
     modes: tuple[ModeChange, ...]  # the largest change of p first
-    said: str
+    summary: str = ""
+    said: str  # summary by its old name
 
 
 class Line(msgspec.Struct, frozen=True, kw_only=True):

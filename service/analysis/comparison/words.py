@@ -6,7 +6,7 @@ from service.analysis.comparison.objects import Difference, ModeChange, Side
 from service.analysis.wording import level, significant
 
 
-def said_of(
+def pair_summary(
     sides: tuple[Side, Side],
     difference: Difference,
     modes: Sequence[ModeChange],
@@ -23,28 +23,28 @@ def said_of(
         )
     else:
         verdict = f"No clear difference between {a.name} and {b.name}"
-    said = [
+    sentences = [
         f"{verdict}: p({event}) is {_p(b)} against {_p(a)}, a difference of {_signed(difference.difference)} "
         f"({sure} interval {_signed(low)} to {_signed(high)})"
     ]
     if difference.ratio is not None:
         least, most = difference.ratio_ci
         upper = "no upper end" if most is None else significant(most, 2)
-        said[0] += (
+        sentences[0] += (
             f", or {significant(difference.ratio, 2)} times as often ({significant(least, 2)} to {upper})"
         )
-    said[0] += "."
+    sentences[0] += "."
     for change, what in (("appeared", f"in {b.name} only"), ("vanished", f"in {a.name} only"),
                          ("more", f"more often in {b.name}"), ("less", f"less often in {b.name}")):  # fmt: skip
         found = "; ".join(mode.name for mode in modes if mode.change == change)
         if found:
-            said.append(f"Ways to fail met {what}: {found}.")
+            sentences.append(f"Ways to fail met {what}: {found}.")
     chance = sum(mode.change == "unclear" for mode in modes)
     if chance:
         others = "other " if chance < len(modes) else ""
         ways = f"the {chance} {others}ways" if chance > 1 else f"the {others}way"
-        said.append(f"In {ways} to fail they are not distinguishable.")
-    return " ".join(said)
+        sentences.append(f"In {ways} to fail they are not distinguishable.")
+    return " ".join(sentences)
 
 
 def _p(side: Side) -> str:

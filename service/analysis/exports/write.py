@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from service.analysis.failures.recording import write_recording
-from service.analysis.failures.rerun import Again, look
+from service.analysis.failures.rerun import Rerun, rerun
 from service.analysis.failures.scenario_file import scenario_text
 from service.analysis.trace import write_table
 from service.errors import SimulationError
@@ -34,14 +34,14 @@ class Exports:
 
 def write_exports(
     problem: Problem, x: np.ndarray, noise_seed: int, title: str, files: Exports, camera: bool = True
-) -> Again:
+) -> Rerun:
     """Run the rollout of x (d,) and its noise seed again and write the files; what it came to.
 
     camera: whether the film shows the ego's camera beside the road from above. SUMO allows one simulation a process.
     Raises SimulationError where the rollout fails.
     """
     with problem.simulator(fcd=files.fcd) as simulator:
-        again = look(problem, simulator, x, noise_seed)
+        again = rerun(problem, simulator, x, noise_seed)
     trace = again.trace
     if trace is None:
         raise SimulationError(f"the rollout failed: {again.error}")

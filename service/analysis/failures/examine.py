@@ -10,7 +10,7 @@ from service.analysis.failures.events import CHAINS, Events
 from service.analysis.failures.kinds import NAMES, kind_of
 from service.analysis.failures.memory import Memory
 from service.analysis.failures.modes import modes_of
-from service.analysis.failures.rerun import Again, Rerunner
+from service.analysis.failures.rerun import Rerun, Rerunner
 
 EXAMINED = 400  # dangerous rollouts that are run again and grouped: shares to within 5% of p
 BACKGROUND = "background"
@@ -30,13 +30,13 @@ def look_away(done: int, total: int) -> None:
 class Examined:
     """Dangerous rollouts of a job that were run again.
 
-    sample: positions of those from which shares are counted; again: of the sample and of others
+    sample: positions of those from which shares are counted; reruns: of the sample and of others
     that were asked for, by position.
     """
 
     events: Events
     sample: np.ndarray
-    again: dict[int, Again]
+    reruns: dict[int, Rerun]
 
 
 def examine(
@@ -86,15 +86,16 @@ def modes_by_position(examined: Sequence[Examined]) -> list[dict[int, str]]:
 
     A rollout outside the samples goes by the rules alone, so that what else was asked for changes no group.
     """
-    sampled = [(n, i) for n, e in enumerate(examined) for i in e.sample.tolist() if e.again[i].motion]
-    grouped = modes_of([m for n, i in sampled if (m := examined[n].again[i].motion) is not None])
+    sampled = [(n, i) for n, e in enumerate(examined) for i in e.sample.tolist() if e.reruns[i].motion]
+    grouped = modes_of([m for n, i in sampled if (m := examined[n].reruns[i].motion) is not None])
     named = dict(zip(sampled, grouped, strict=True))
     return [
-        {i: named.get((n, i)) or alone(again) for i, again in e.again.items()} for n, e in enumerate(examined)
+        {i: named.get((n, i)) or alone(again) for i, again in e.reruns.items()}
+        for n, e in enumerate(examined)
     ]
 
 
-def alone(again: Again) -> str:
+def alone(again: Rerun) -> str:
     """The mode of a rollout by itself."""
     if again.motion is not None:
         return kind_of(again.motion)

@@ -8,7 +8,7 @@ from service.analysis.failures.events import CHAINS, Events, Order, events_of
 from service.analysis.failures.examine import EXAMINED, Examined, Watch, examine, look_away, modes_by_position
 from service.analysis.failures.objects import Failures
 from service.analysis.failures.rerun import Rerunner
-from service.analysis.failures.tell import failure_told, modes_told, same_bits
+from service.analysis.failures.tell import failure_of, same_bits, sample_modes
 from service.evaluation.record import JobRecord
 from service.world.scenario.measures import measure_kind
 
@@ -60,10 +60,8 @@ def find_failures(
         order=order,
         events=len(events),
         examined=examined.sample.size,
-        modes=tuple(modes_told(examined, modes, rank)),
-        failures=tuple(
-            failure_told(events, i, examined.again[i], rank[i], modes[i]) for i in ranking[:limit]
-        ),
+        modes=tuple(sample_modes(examined, modes, rank)),
+        failures=tuple(failure_of(events, i, examined.reruns[i], rank[i], modes[i]) for i in ranking[:limit]),
         notes=tuple(notes_on(examined)),
     )
     return Found(failures, examined, ranking, modes)
@@ -75,7 +73,7 @@ def _replications(events: Events) -> int:
 
 def notes_on(examined: Examined) -> list[str]:
     """What bears on how far an examination can be relied on."""
-    events, again = examined.events, examined.again
+    events, again = examined.events, examined.reruns
     notes = []
     if not len(events):
         notes.append("No rollout of the estimation has had f <= gamma.")

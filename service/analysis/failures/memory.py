@@ -16,7 +16,7 @@ from urllib.parse import quote
 import msgspec
 
 from service.analysis.failures.motion import Motion
-from service.analysis.failures.rerun import Again
+from service.analysis.failures.rerun import Rerun
 from service.evaluation.job import Job
 
 MEMORY_FORMAT = 1  # to be raised whenever `Motion` or how it is measured changes
@@ -55,14 +55,14 @@ class Memory:
                 if file.key == self._key:
                     self._seen = {(s.iteration, s.row): s for s in file.seen}
 
-    def get(self, key: Key, f: float) -> Again | None:
+    def get(self, key: Key, f: float) -> Rerun | None:
         """What the rollout came to, where it is known for this value on record."""
         seen = self._seen.get(key)
         if seen is None or seen.recorded_f != f:
             return None
-        return Again(seen.f, seen.outcome, seen.error, motion=seen.motion)
+        return Rerun(seen.f, seen.outcome, seen.error, motion=seen.motion)
 
-    def add(self, key: Key, f: float, again: Again) -> None:
+    def add(self, key: Key, f: float, again: Rerun) -> None:
         self._seen[key] = _Seen(*key, f, again.f, again.outcome, again.error, again.motion)
 
     def save(self) -> None:

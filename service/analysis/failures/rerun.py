@@ -24,7 +24,7 @@ Open = Callable[[Job], AbstractContextManager["Rerunner"]]  # a rerunner of a jo
 
 
 @dataclass(frozen=True)
-class Again:
+class Rerun:
     """A rollout that was run once more.
 
     driven_m, time_s: how far and how long the ego drove; driving: how the others did; motion: None where the smallest
@@ -66,9 +66,9 @@ class Rerunner:
         drawn: Sequence[Draw],
         traced: Collection[int] = (),
         on_done: Callable[[int], None] = lambda count: None,
-    ) -> list[Again]:
+    ) -> list[Rerun]:
         """Run the rollouts again, in order; traced: which to return the traces of; on_done: told how many more."""
-        found: dict[int, Again] = {}
+        found: dict[int, Rerun] = {}
         parts = [range(i, min(i + AT_ONCE, len(drawn))) for i in range(0, len(drawn), AT_ONCE)]
         suspects: list[int] = []
         running = {}
@@ -90,12 +90,12 @@ class Rerunner:
             on_done(1)
         return [found[i] for i in range(len(drawn))]
 
-    def _alone(self, draw: Draw, traced: bool) -> Again:
+    def _alone(self, draw: Draw, traced: bool) -> Rerun:
         try:
             return self._started(1).submit(_run, [draw], [traced]).result()[0]
         except BrokenProcessPool:
             self.close()
-            return Again(np.nan, "error", "the process that ran it died")
+            return Rerun(np.nan, "error", "the process that ran it died")
 
     def _started(self, parts: int) -> ProcessPoolExecutor:
         if self._pool is None:
@@ -137,21 +137,21 @@ def _ready() -> None:
     pass
 
 
-def _run(drawn: Sequence[Draw], traced: Sequence[bool]) -> list[Again]:
+def _run(drawn: Sequence[Draw], traced: Sequence[bool]) -> list[Rerun]:
     assert _problem is not None
     assert _simulator is not None
-    found = [look(_problem, _simulator, x, noise_seed) for x, noise_seed in drawn]
+    found = [rerun(_problem, _simulator, x, noise_seed) for x, noise_seed in drawn]
     return [again if keep else replace(again, trace=None) for again, keep in zip(found, traced, strict=True)]
 
 
-def look(problem: Problem, simulator: Simulator, x: np.ndarray, noise_seed: int) -> Again:
+def rerun(problem: Problem, simulator: Simulator, x: np.ndarray, noise_seed: int) -> Rerun:
     """One rollout, looked at in this process."""
     trace = record(problem, simulator, x, noise_seed)
     result = trace.rollout
     if result.error is not None:
-        return Again(result.f, result.outcome, result.error)
+        return Rerun(result.f, result.outcome, result.error)
     station = trace.station_m[:, trace.ego]
-    return Again(
+    return Rerun(
         result.f,
         result.outcome,
         None,

@@ -1,4 +1,4 @@
-"""What is told of examined rollouts: each of them, and the modes that they fall into."""
+"""Examined rollouts as JSON objects: each of them, and the modes that they fall into."""
 
 import struct
 
@@ -9,7 +9,7 @@ from service.analysis.failures.events import Events, starts_log_likelihood
 from service.analysis.failures.examine import Examined, alone, mode_name
 from service.analysis.failures.kinds import kind_of
 from service.analysis.failures.objects import Failure, Mode
-from service.analysis.failures.rerun import Again
+from service.analysis.failures.rerun import Rerun
 from service.analysis.failures.shares import (
     mode_estimate,
     replicated_p,
@@ -21,7 +21,7 @@ from service.analysis.failures.typical import typical
 from service.world.scenario.base import PER_VEHICLE
 
 
-def failure_told(events: Events, i: int, again: Again, rank: int, mode: str | None = None) -> Failure:
+def failure_of(events: Events, i: int, again: Rerun, rank: int, mode: str | None = None) -> Failure:
     """The rollout at position i of the events; mode: None where it was not grouped with others."""
     record = events.record
     ((x, noise_seed),) = events.drawn([i])
@@ -52,7 +52,7 @@ def failure_told(events: Events, i: int, again: Again, rank: int, mode: str | No
     )
 
 
-def modes_told(examined: Examined, modes: dict[int, str], rank: dict[int, int]) -> list[Mode]:
+def sample_modes(examined: Examined, modes: dict[int, str], rank: dict[int, int]) -> list[Mode]:
     """The modes of the sample, the largest share first; rank: of each position in the order asked for."""
     events, sample = examined.events, examined.sample
     names = np.array([modes[i] for i in sample.tolist()])
@@ -62,7 +62,7 @@ def modes_told(examined: Examined, modes: dict[int, str], rank: dict[int, int]) 
         mine, weight = sample[member], events.weight[sample[member]]
         share, low, high = mode_share(examined, member)
         p, ci = mode_p(examined, member, (share, low, high))
-        again = [examined.again[i] for i in mine.tolist()]
+        again = [examined.reruns[i] for i in mine.tolist()]
         agreeing = np.array([alone(a) == ("other" if mode.startswith("other-") else mode) for a in again])
         first = min(mine.tolist(), key=rank.__getitem__)
         found.append(
@@ -76,7 +76,7 @@ def modes_told(examined: Examined, modes: dict[int, str], rank: dict[int, int]) 
                 p=p,
                 ci=ci,
                 agreement=float(weight[agreeing].sum() / weight.sum()),
-                example=failure_told(events, first, examined.again[first], rank[first], mode),
+                example=failure_of(events, first, examined.reruns[first], rank[first], mode),
             )
         )
     return sorted(found, key=lambda m: (-m.share, m.mode))

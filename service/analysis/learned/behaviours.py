@@ -48,11 +48,11 @@ KINDS = (
 
 @dataclass(frozen=True)
 class Driven:
-    """How the drivers of n rollouts drove, each with its weight; worth: rollouts of equal weight."""
+    """How the drivers of n rollouts drove, each with its weight; ess: their effective number."""
 
     driving: Sequence[Driving]
     weight: np.ndarray
-    worth: float
+    ess: float
 
 
 def behaviours_of(base: Driven, proposal: Driven | None, confidence: float) -> list[Behaviour]:
@@ -86,7 +86,7 @@ def rate_of(kind: Kind, driven: Driven, confidence: float) -> Rate:
         return Rate(value=None, low=None, high=None)
     share = driven.weight / total
     rate = float(share @ above)
-    n = driven.worth
+    n = driven.ess
     if n < 2.0:
         return Rate(value=kind.scale * rate, low=None, high=None)
     spread = np.sum((share * (above - rate * below)) ** 2) * n / (n - 1.0)

@@ -7,10 +7,10 @@ import numpy as np
 import ce
 from service.analysis.exposure import STREAM
 from service.analysis.failures.events import CHAINS, Events, events_of
-from service.analysis.failures.rerun import Again, Draw, Rerunner
+from service.analysis.failures.rerun import Draw, Rerun, Rerunner
 from service.analysis.learned.behaviours import Driven, behaviours_of
 from service.analysis.learned.objects import Learned, Parameter
-from service.analysis.learned.parameters import LEAST_EFFECTIVE, Draws, draws_of, parameters_of, search_worth
+from service.analysis.learned.parameters import LEAST_EFFECTIVE, Draws, draws_of, parameters_of, search_ess
 from service.evaluation.record import JobRecord
 
 ROLLOUTS = 100  # run again under base and under proposal, for the behaviours
@@ -22,25 +22,25 @@ def learned_of(run: str, record: JobRecord, rerunner: Rerunner, rollouts: int = 
     events = events_of(record)
     parametric = record.job.method == "ce" and record.proposal is not None
     proposal = record.proposal if parametric else None
-    iteration, worth = search_worth(record) if parametric else (_last(record), None)
+    iteration, ess = search_ess(record) if parametric else (_last(record), None)
     draws = None if parametric else draws_of(events)
-    parameters = parameters_of(record, proposal, draws, worth, confidence)
+    parameters = parameters_of(record, proposal, draws, ess, confidence)
     before = _driven(rerunner, _from_base(record, rollouts), np.ones(rollouts))
     after = _driven(rerunner, *_from_search(record, events, proposal, rollouts))
     if after is not None and events.phase == CHAINS:
-        after = replace(after, worth=min(after.worth, record.estimate.ess))
+        after = replace(after, ess=min(after.ess, record.estimate.ess))
     behaviours = () if before is None else tuple(behaviours_of(before, after, confidence))
     return Learned(
         job=run,
         iteration=iteration,
         source="proposal" if parametric else "none" if draws is None else "dangerous rollouts",
         confidence=confidence,
-        effective=worth if parametric else None if draws is None else draws.worth,
+        effective=ess if parametric else None if draws is None else draws.ess,
         rollouts_run_again=(_count(before), _count(after)),
         parameters=tuple(parameters),
         behaviours=behaviours,
         summary=tuple(_summary(parameters) + [b.sentence for b in behaviours if b.sentence]),
-        notes=tuple(_notes(record, proposal, draws, worth)),
+        notes=tuple(_notes(record, proposal, draws, ess)),
     )
 
 
@@ -49,8 +49,8 @@ def _last(record: JobRecord) -> int | None:
 
 
 def _summary(parameters: list[Parameter]) -> list[str]:
-    told = [p for p in parameters if p.sentence]
-    return [p.sentence for p in sorted(told, key=lambda p: -abs(p.shift_sd or 0.0))]
+    significant = [p for p in parameters if p.sentence]
+    return [p.sentence for p in sorted(significant, key=lambda p: -abs(p.shift_sd or 0.0))]
 
 
 def _from_base(record: JobRecord, count: int) -> list[Draw]:
@@ -76,7 +76,7 @@ def _from_search(
 def _driven(rerunner: Rerunner, drawn: list[Draw], weight: np.ndarray) -> Driven | None:
     if not drawn:
         return None
-    again: list[Again] = rerunner.run(drawn)
+    again: list[Rerun] = rerunner.run(drawn)
     good = [i for i, one in enumerate(again) if one.driving is not None]
     if not good:
         return None
@@ -90,7 +90,7 @@ def _count(driven: Driven | None) -> int:
 
 
 def _notes(
-    record: JobRecord, proposal: ce.Product | None, draws: Draws | None, worth: float | None
+    record: JobRecord, proposal: ce.Product | None, draws: Draws | None, ess: float | None
 ) -> list[str]:
     notes = []
     if proposal is None and draws is None:
@@ -98,14 +98,14 @@ def _notes(
     if proposal is not None:
         notes.append(
             "Proposal: the distribution that the estimate's rollouts are drawn from. How sure its shifts are is judged "
-            f"by the {worth:.0f} rollouts of equal weight that its last step rests on."
+            f"by the {ess:.0f} rollouts of equal weight that its last step rests on."
         )
     else:
         notes.append(
             "Proposal: P0 given the event, from the dangerous rollouts with their weights; method "
             f"{record.job.method} has no proposal that single starts could be read from."
         )
-    effective = worth if worth is not None else 0.0 if draws is None else draws.worth
+    effective = ess if ess is not None else 0.0 if draws is None else draws.ess
     if effective < LEAST_EFFECTIVE:
         notes.append(
             f"It rests on {effective:.1f} rollouts of equal weight: too few to tell any shift from chance."

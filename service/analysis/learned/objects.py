@@ -1,4 +1,4 @@
-"""What is told of what a search learned, as JSON objects; `tailroad schema learned` prints their JSON Schema.
+"""What a search learned, as JSON objects; `tailroad schema learned` prints their JSON Schema.
 
 Numbers that are not known are null.
 """

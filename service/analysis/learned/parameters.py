@@ -17,7 +17,7 @@ from service.world.scenario.base import PER_VEHICLE, WEATHER
 from service.world.scenario.schema import Scenario
 
 MOST_DRAWS = 4000  # dangerous rollouts whose starts are looked at: shifts to within 0.02 standard deviations
-LEAST_EFFECTIVE = 5.0  # rollouts of equal weight; with fewer no shift is told
+LEAST_EFFECTIVE = 5.0  # rollouts of equal weight; with fewer no shift is reported
 LEAST_SHIFT_SD = 0.1  # a smaller shift matters to nobody, however sure it is
 KINDS = {
     "station_m": ("position", "m"),
@@ -30,12 +30,17 @@ UNITS = {"sun_elevation_deg": "deg", "sun_azimuth_deg": "deg", "visibility_m": "
 
 @dataclass(frozen=True)
 class Draws:
-    """Weighted draws that stand for P0 given the event. x (n, d); weight (n,), summing to one; worth: rollouts of equal
-    weight; replication: of draws that only depend on each other within one."""
+    """Weighted draws that stand for P0 given the event.
+
+    x: (n, d)
+    weight: (n,), summing to one
+    ess: effective sample size (Kish), at most that of the estimate
+    replication: (n,), of draws that only depend on each other within one
+    """
 
     x: np.ndarray
     weight: np.ndarray
-    worth: float
+    ess: float
     replication: np.ndarray | None = None
 
 
@@ -52,18 +57,18 @@ def draws_of(events: Events) -> Draws | None:
     weight = events.share[at] / events.share[at].sum()
     kish = 1.0 / float(np.sum(weight**2))
     estimate = events.record.estimate
-    worth = min(kish, estimate.ess) if isinstance(estimate, ce.ReplicatedEstimate) else kish
-    return Draws(x, weight, worth, None if events.replication is None else events.replication[at])
+    ess = min(kish, estimate.ess) if isinstance(estimate, ce.ReplicatedEstimate) else kish
+    return Draws(x, weight, ess, None if events.replication is None else events.replication[at])
 
 
-def search_worth(record: JobRecord) -> tuple[int, float]:
+def search_ess(record: JobRecord) -> tuple[int, float]:
     """The iteration whose update gave the proposal that the estimate is drawn from, and the effective number of elites
     that it rests on."""
     final = record.parameters["estimate", record.estimate_iteration]
-    for told in reversed(record.training):
-        following = record.parameters.get(("train", told.iteration + 1))
+    for step in reversed(record.training):
+        following = record.parameters.get(("train", step.iteration + 1))
         if following is not None and np.array_equal(following, final):
-            return told.iteration, told.ess
+            return step.iteration, step.ess
     last = record.training[-1]
     return last.iteration, last.ess
 
@@ -72,7 +77,7 @@ def parameters_of(
     record: JobRecord,
     proposal: ce.Product | None,
     draws: Draws | None,
-    worth: float | None,
+    ess: float | None,
     confidence: float,
 ) -> list[Parameter]:
     """Every start and the weather; proposal: of which the second column is, else it is of the draws.
@@ -83,7 +88,7 @@ def parameters_of(
     names = _names(scenario)
     sure = 1.0 - (1.0 - confidence) / len(names)
     return [
-        _parameter(scenario, vehicle, key, column, record.problem.base, proposal, draws, worth, sure)
+        _parameter(scenario, vehicle, key, column, record.problem.base, proposal, draws, ess, sure)
         for column, (vehicle, key) in enumerate(names)
     ]
 
@@ -102,28 +107,30 @@ def _parameter(
     base: ce.Product,
     proposal: ce.Product | None,
     draws: Draws | None,
-    worth: float | None,
+    ess: float | None,
     sure: float,
 ) -> Parameter:
     kind, unit = KINDS.get(key, ("weather", UNITS.get(key, "")))
     before = spread_of(_block(base, column))
     after: Spread | None = None
     half = math.inf
-    if proposal is not None and worth is not None:
+    if proposal is not None and ess is not None:
         after = spread_of(_block(proposal, column))
-        half = _half(after.sd / math.sqrt(max(worth - 1.0, 1e-9)), worth, sure)
+        half = _half(after.sd / math.sqrt(max(ess - 1.0, 1e-9)), ess, sure)
     elif draws is not None:
         values = draws.x[:, column]
         after = sample_spread(values, draws.weight)
         runs = None if draws.replication is None else np.unique(draws.replication).size
-        half = _half(_error(values, after.mean, draws), runs or draws.worth, sure)
+        half = _half(_error(values, after.mean, draws), runs or draws.ess, sure)
     shift = ci = None
     if after is not None and before.sd > 0.0:
         amount = after.mean - before.mean
         shift = amount / before.sd
         if math.isfinite(half):
             ci = (amount - half) / before.sd, (amount + half) / before.sd
-    told = shift is not None and ci is not None and abs(shift) >= LEAST_SHIFT_SD and not ci[0] <= 0.0 <= ci[1]
+    significant = (
+        shift is not None and ci is not None and abs(shift) >= LEAST_SHIFT_SD and not ci[0] <= 0.0 <= ci[1]
+    )
     return Parameter(
         name=f"{vehicle or 'weather'}.{key}",
         vehicle=vehicle,
@@ -133,7 +140,9 @@ def _parameter(
         proposal=after,
         shift_sd=shift,
         shift_sd_ci=ci,
-        sentence=shift_sentence(scenario, vehicle, key, before, after) if told and after is not None else "",
+        sentence=shift_sentence(scenario, vehicle, key, before, after)
+        if significant and after is not None
+        else "",
     )
 
 
@@ -144,13 +153,13 @@ def _block(product: ce.Product, column: int) -> ce.Beta | ce.Marginal:
 
 
 def _error(values: np.ndarray, mean: float, draws: Draws) -> float:
-    """Standard error of the weighted mean: over replications where there are any, else not below what the draws are
-    worth."""
+    """Standard error of the weighted mean: over replications where there are any, else from the effective sample
+    size."""
     if draws.replication is not None:
         parts = np.bincount(draws.replication, draws.weight * (values - mean))
         runs = np.unique(draws.replication).size
         return math.sqrt(float(parts @ parts) * runs / (runs - 1.0)) if runs > 1 else math.inf
-    n = draws.worth
+    n = draws.ess
     if n < 2.0:
         return math.inf
     linear = float(np.sum((draws.weight * (values - mean)) ** 2)) * n / (n - 1.0)
@@ -158,8 +167,8 @@ def _error(values: np.ndarray, mean: float, draws: Draws) -> float:
     return math.sqrt(max(linear, equal))
 
 
-def _half(error: float, worth: float, sure: float) -> float:
+def _half(error: float, ess: float, sure: float) -> float:
     """Half the width of Student's interval; infinite where too few rollouts are behind it."""
-    if worth < LEAST_EFFECTIVE:
+    if ess < LEAST_EFFECTIVE:
         return math.inf
-    return float(stdtrit(worth - 1.0, 0.5 + 0.5 * sure)) * error
+    return float(stdtrit(ess - 1.0, 0.5 + 0.5 * sure)) * error

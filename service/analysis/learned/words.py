@@ -43,5 +43,5 @@ def rate_sentence(says: tuple[str, str], unit: str, base: Rate, proposal: Rate) 
     """How a behaviour differs; says: the words for more and for less."""
     assert base.value is not None
     assert proposal.value is not None
-    said = says[0] if proposal.value > base.value else says[1]
-    return f"{said} ({significant(proposal.value)} instead of {significant(base.value)} {unit})"
+    wording = says[0] if proposal.value > base.value else says[1]
+    return f"{wording} ({significant(proposal.value)} instead of {significant(base.value)} {unit})"

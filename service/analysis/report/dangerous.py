@@ -9,7 +9,7 @@ from service.analysis.failures.examine import examine
 from service.analysis.failures.find import Found, find_failures
 from service.analysis.failures.objects import Failure, Failures
 from service.analysis.failures.rerun import Open
-from service.analysis.failures.tell import failure_told
+from service.analysis.failures.tell import failure_of
 from service.analysis.learned.learn import learned_of
 from service.analysis.learned.objects import Learned
 from service.analysis.trace import Trace
@@ -19,7 +19,7 @@ EXAMINED = 200  # dangerous rollouts at most that a report has run again and gro
 
 
 @dataclass(frozen=True)
-class Retold:
+class ShownRollout:
     """A dangerous rollout, run once more.
 
     trace: None where the run failed, for which `failure.error` has the reason; threat: the vehicle that the smallest
@@ -36,23 +36,23 @@ class Retold:
 
 
 @dataclass(frozen=True)
-class LookBack:
+class Findings:
     """What was seen by running rollouts again; nothing of it where none was."""
 
     failures: Failures | None = None
-    retold: tuple[Retold, ...] = ()
+    rollouts: tuple[ShownRollout, ...] = ()
     exposure: Exposure | None = None
     learned: dict[str, Learned] = field(default_factory=dict)  # by job
 
 
-def look_back(
+def findings_of(
     run: str,
     record: JobRecord,
     drawn: int,
     opened: Open,
     folder: Path | None,
     confidence: float = 0.95,
-) -> LookBack:
+) -> Findings:
     """Run dangerous rollouts of a job again, and some of P0; `drawn`: how many to return the traces of.
 
     opened: rerunners of jobs; folder: where what was run again is remembered.
@@ -64,15 +64,15 @@ def look_back(
         traced = examine(found.examined.events, rerunner, (), 0, shown, folder)
         learned = learned_of(record.job.id, record, rerunner)
     rank = {position: i for i, position in enumerate(found.ranking, start=1)}
-    retold = [
-        Retold(
+    rollouts = [
+        ShownRollout(
             record,
-            failure_told(traced.events, i, traced.again[i], rank[i], found.modes[i]),
-            traced.again[i].trace,
+            failure_of(traced.events, i, traced.reruns[i], rank[i], found.modes[i]),
+            traced.reruns[i].trace,
         )
         for i in shown
     ]
-    return LookBack(found.failures, tuple(retold), exposure, {record.job.id: learned})
+    return Findings(found.failures, tuple(rollouts), exposure, {record.job.id: learned})
 
 
 def worth_drawing(found: Found, count: int) -> list[int]:
@@ -82,6 +82,6 @@ def worth_drawing(found: Found, count: int) -> list[int]:
     return list(dict.fromkeys([*examples[:count], *first]))[:count]
 
 
-def telling(records: Sequence[JobRecord]) -> JobRecord:
+def most_informative(records: Sequence[JobRecord]) -> JobRecord:
     """The job that has met the most dangerous rollouts, in effective numbers; as `tailroad failures` takes it."""
     return max(records, key=lambda record: record.estimate.ess)

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 from service.analysis.report import ink
-from service.analysis.report.dangerous import Retold
+from service.analysis.report.dangerous import ShownRollout
 from service.analysis.report.ink import Picture
 from service.analysis.trace import Trace
 from service.analysis.wording import quantity, significant
@@ -22,23 +22,23 @@ CLOSE_UP_M = (22.0, 5.6)  # half the close-up's length and width
 GREATEST_S = 30.0
 
 
-def drawing(retold: Retold, facts: dict[str, Any], corridor: Corridor) -> Picture | None:
+def drawing(rollout: ShownRollout, facts: dict[str, Any], corridor: Corridor) -> Picture | None:
     """The picture of a rollout; None where it could not be run again."""
-    trace = retold.trace
+    trace = rollout.trace
     if trace is None or not trace.measured.size:
         return None
     k = int(np.argmin(np.where(np.isnan(trace.measured), np.inf, trace.measured)))
     kind = measure_kind(trace.measure)
     shown = _window(trace.time_s, k)
-    gamma, f = retold.record.estimate.gamma, retold.failure.f
+    gamma, f = rollout.record.estimate.gamma, rollout.failure.f
     with ink.figure(6.3) as drawn:
         over, close, measured, speed = drawn.subplots(
             4, 1, gridspec_kw={"height_ratios": [1.7, 1.25, 1.0, 1.0]}, squeeze=True
         )
-        _overview(over, trace, retold.threat, corridor, k, shown)
-        _close_up(close, trace, retold.threat, corridor, k)
+        _overview(over, trace, rollout.threat, corridor, k, shown)
+        _close_up(close, trace, rollout.threat, corridor, k)
         _measured(measured, trace, gamma, k, shown)
-        _speeds(speed, trace, retold.threat, k, shown)
+        _speeds(speed, trace, rollout.threat, k, shown)
         measured.sharex(speed)
         title = f"Rank {facts['rank']}: {facts['mode_name']}; f = {significant(f)} {unit_at(kind.unit, f)}".rstrip()
         with_whom = f" to {facts['other']}" if facts["other"] else ""

@@ -19,7 +19,7 @@ from service.analysis.failures.rerun import Rerunner
 from service.analysis.learned.learn import learned_of
 from service.analysis.learned.objects import Learned
 from service.analysis.report import words
-from service.analysis.report.dangerous import LookBack, Retold
+from service.analysis.report.dangerous import Findings, ShownRollout
 from service.analysis.report.objects import FORMAT, Report
 from service.analysis.risk import POLICE_REPORTED, Baseline, event_of, rate_of
 from service.analysis.thresholds import curve_gammas
@@ -37,7 +37,7 @@ XI_OUTPUTS = ("mean acceleration", "mean turn rate", "log spread of acceleration
 def facts_of(
     run: str,
     records: Sequence[JobRecord],
-    seen: LookBack,
+    seen: Findings,
     now: datetime,
     baseline: Baseline = POLICE_REPORTED,
     served: bool = False,
@@ -84,7 +84,7 @@ def facts_of(
         "risk": _risk(headline, first, seen.exposure, baseline),
         "learned": {job: msgspec.to_builtins(found) for job, found in learned.items()},
         "failure_modes": _failure_modes(seen.failures),
-        "dangerous": [_dangerous(r) for r in seen.retold],
+        "dangerous": [_dangerous(r) for r in seen.rollouts],
         "commands": words.commands([r.job for r in records]),
         "versions": _versions(first.tailroad),
     }
@@ -233,8 +233,8 @@ def _disagreement(jobs: Sequence[dict[str, Any]]) -> str | None:
     return None
 
 
-def _dangerous(retold: Retold) -> dict[str, Any]:
-    failure, trace, job = retold.failure, retold.trace, retold.record.job
+def _dangerous(rollout: ShownRollout) -> dict[str, Any]:
+    failure, trace, job = rollout.failure, rollout.trace, rollout.record.job
     return msgspec.to_builtins(failure) | {
         "job": job.id,
         "method_name": words.METHOD_NAMES.get(job.method, job.method),
@@ -248,9 +248,9 @@ def _failure_modes(failures: Failures | None) -> dict[str, Any] | None:
     """The modes without the list of rollouts, of which the report shows some by themselves."""
     if failures is None:
         return None
-    told: dict[str, Any] = msgspec.to_builtins(failures)
-    del told["failures"]
-    return told
+    modes: dict[str, Any] = msgspec.to_builtins(failures)
+    del modes["failures"]
+    return modes
 
 
 def _versions(of_run: str) -> dict[str, str]:

@@ -68,7 +68,7 @@ def learned_pictures(record: JobRecord, learned: Facts) -> list[Picture]:
 
 
 def estimate_against_rollouts(jobs: Sequence[Facts]) -> Picture:
-    said = []
+    sentences = []
     shown = [v for job in jobs for v in (job["p"], *job["ci"]) if v]
     logarithmic = 0 < min((job["p"] for job in jobs if job["p"]), default=1.0) < LOG_BELOW
     with ink.figure(3.3) as drawn:
@@ -104,7 +104,7 @@ def estimate_against_rollouts(jobs: Sequence[Facts]) -> Picture:
             if n.size == 1:  # of replications, which have no running estimate
                 axes.vlines(n, np.maximum(low, floor), high, color=style["color"], linewidth=2.0)
             axes.plot(n[-1:], p[-1:], ink.MARKERS.get(method, "D"), color=style["color"], markersize=5)
-            said.append(
+            sentences.append(
                 f"{_name(method)} ends at {significant(job['p'])} "
                 f"({significant(job['ci'][0])} to {significant(job['ci'][1])}) "
                 f"after {count(job['rollouts']['total'])} rollouts"
@@ -120,7 +120,7 @@ def estimate_against_rollouts(jobs: Sequence[Facts]) -> Picture:
         return ink.picture(
             drawn,
             "The estimate as rollouts come in",
-            "Estimate of p against the number of rollouts: " + "; ".join(said) + ".",
+            "Estimate of p against the number of rollouts: " + "; ".join(sentences) + ".",
             "Line: the estimate; band: its interval at that moment. Where a method searches first, its line starts "
             "after the shaded rollouts that the search took. Values below the axis are not shown.",
         )
@@ -182,7 +182,7 @@ def values_of_f(records: Sequence[JobRecord]) -> Picture:
     measure = measure_words(records[0].job.scenario.safety.measure)
     gamma = records[0].job.gamma
     unit = measure_kind(records[0].job.scenario.safety.measure).unit
-    said = []
+    sentences = []
     with ink.figure(3.3) as drawn:
         axes = drawn.add_subplot()
         lowest, highest, fewest = np.inf, gamma, 1.0
@@ -200,7 +200,7 @@ def values_of_f(records: Sequence[JobRecord]) -> Picture:
             lowest, highest = min(lowest, f[0]), max(highest, f[int(0.98 * (f.size - 1))])
             fewest = min(fewest, 1.0 / n)
             events = np.count_nonzero(record.estimate.f <= gamma) / n
-            said.append(f"{_name(method)} met the event in {percent(events)} of its rollouts")
+            sentences.append(f"{_name(method)} met the event in {percent(events)} of its rollouts")
         _mark_threshold(axes, gamma, unit)
         axes.set_xlim(lowest if lowest > 0 else None, max(highest, lowest * 1.5))
         axes.set_ylim(fewest, 1.2)
@@ -213,7 +213,9 @@ def values_of_f(records: Sequence[JobRecord]) -> Picture:
         return ink.picture(
             drawn,
             "What the simulated rollouts were like",
-            "Share of each method's estimation rollouts with f at most a value: " + "; ".join(said) + ".",
+            "Share of each method's estimation rollouts with f at most a value: "
+            + "; ".join(sentences)
+            + ".",
             "Rollouts as they were drawn, without weights: a proposal draws dangerous ones on purpose. Rollouts in "
             "which the ego never closed in on anything have no finite f and are the part missing at the top.",
         )
@@ -222,7 +224,7 @@ def values_of_f(records: Sequence[JobRecord]) -> Picture:
 def outcomes(jobs: Sequence[Facts]) -> Picture:
     rows = sorted({name for job in jobs for ended in job["outcomes"].values() for name in ended})
     bars = [(job["method"], phase, ended) for job in jobs for phase, ended in job["outcomes"].items()]
-    said = []
+    sentences = []
     with ink.figure(0.9 + 0.17 * len(rows) * (len(bars) + 0.8)) as drawn:
         axes = drawn.add_subplot()
         height = 0.8 / len(bars)
@@ -242,7 +244,7 @@ def outcomes(jobs: Sequence[Facts]) -> Picture:
             )
             for y, share, name in zip(at, shares, rows, strict=True):
                 axes.text(share, y, f" {count(ended.get(name, 0))}", va="center", fontsize=7)
-            said.append(
+            sentences.append(
                 f"{_name(method)} {phase}: " + ", ".join(f"{n} {count(ended.get(n, 0))}" for n in rows)
             )
         axes.set_yticks(np.arange(len(rows)), rows)
@@ -255,7 +257,7 @@ def outcomes(jobs: Sequence[Facts]) -> Picture:
         return ink.picture(
             drawn,
             "How the rollouts ended",
-            "Outcomes of rollouts. " + ". ".join(said) + ".",
+            "Outcomes of rollouts. " + ". ".join(sentences) + ".",
             "As drawn, without weights. horizon: the time was up; finished: the ego reached the end of the road; "
             "collision, off-road, reversing: of the ego.",
         )
@@ -365,19 +367,19 @@ def spreads(record: JobRecord, learned: Facts, parameter: int) -> Picture:
         p for p in learned["parameters"] if p["name"].endswith(f".{PER_VEHICLE[parameter]}") and p["vehicle"]
     ]
     colour = ink.colour(record.job.method)
-    said = []
+    sentences = []
     with ink.figure(0.75 + 0.33 * len(vehicles)) as drawn:
         axes = drawn.add_subplot()
-        for i, (vehicle, told) in enumerate(zip(vehicles, mine, strict=True)):
+        for i, (vehicle, facts) in enumerate(zip(vehicles, mine, strict=True)):
             row = len(vehicles) - 1 - i
-            for spread, up, shade in ((told["base"], 0.17, ink.BASE), (told["proposal"], -0.17, colour)):
+            for spread, up, shade in ((facts["base"], 0.17, ink.BASE), (facts["proposal"], -0.17, colour)):
                 axes.plot([spread["q05"], spread["q95"]], [row + up] * 2, color=shade, linewidth=1.2)
                 axes.plot(
                     [spread["q25"], spread["q75"]], [row + up] * 2, color=shade, linewidth=4.5, alpha=0.8
                 )
                 axes.plot(spread["q50"], row + up, "o", color="white", markeredgecolor=shade, markersize=4)
-            shift = told["proposal"]["mean"] - told["base"]["mean"]
-            said.append(f"{vehicle.name} {shift:+.2g}")
+            shift = facts["proposal"]["mean"] - facts["base"]["mean"]
+            sentences.append(f"{vehicle.name} {shift:+.2g}")
         axes.set_yticks(
             np.arange(len(vehicles))[::-1], [ink.name_of(v.name, v.role == "ego") for v in vehicles]
         )
@@ -389,7 +391,7 @@ def spreads(record: JobRecord, learned: Facts, parameter: int) -> Picture:
             drawn,
             f"Start: {name}",
             f"Spread of {name} under P0 and in the dangerous rollouts for each vehicle; means differ, in {unit}: "
-            + ", ".join(said)
+            + ", ".join(sentences)
             + ".",
             "Above, grey: base distribution P0. Below: the dangerous rollouts. Thin: 5% to 95%, thick: middle half, "
             "circle: median.",

@@ -7,10 +7,10 @@ from typing import Any
 
 import msgspec
 
+from service.analysis.estimate_parts import EstimateWarning, Rollouts
 from service.analysis.failures.objects import Failure, Modes
 from service.analysis.learned.objects import Learned
 from service.analysis.risk import Risk
-from service.analysis.told import EstimateWarning, Rollouts
 
 FORMAT = 2
 Number = float | None

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from service.analysis import wording
 from service.analysis.report import drawings, figures, ink
-from service.analysis.report.dangerous import LookBack
+from service.analysis.report.dangerous import Findings
 from service.analysis.report.ink import Picture
 from service.analysis.report.replays import player, player_hash, replay_json
 from service.evaluation.record import JobRecord
@@ -31,7 +31,7 @@ SECTIONS = {  # a template each, in this order, with its title in the list of se
 }
 
 
-def page_of(facts: dict[str, Any], records: Sequence[JobRecord], seen: LookBack) -> str:
+def page_of(facts: dict[str, Any], records: Sequence[JobRecord], seen: Findings) -> str:
     """The page, self-contained: style and pictures are inside it."""
     return render(
         "page.html",
@@ -45,9 +45,9 @@ def page_of(facts: dict[str, Any], records: Sequence[JobRecord], seen: LookBack)
     )
 
 
-def _scripts(seen: LookBack) -> dict[str, str]:
+def _scripts(seen: Findings) -> dict[str, str]:
     """The player, where there is something to play."""
-    if not any(retold.trace is not None for retold in seen.retold):
+    if not any(rollout.trace is not None for rollout in seen.rollouts):
         return {}
     return {"player": player(), "player_hash": player_hash()}
 
@@ -85,10 +85,10 @@ def _exact(value: float | None) -> str:
 class Pictures:
     """The page's pictures; drawn when a template asks for them."""
 
-    def __init__(self, facts: dict[str, Any], records: Sequence[JobRecord], seen: LookBack):
+    def __init__(self, facts: dict[str, Any], records: Sequence[JobRecord], seen: Findings):
         self._facts = facts
         self._records = {r.job.id: r for r in records}
-        self._retold = seen.retold
+        self._rollouts = seen.rollouts
 
     @cached_property
     def run(self) -> list[Picture]:
@@ -105,9 +105,9 @@ class Pictures:
         """The facts' dangerous rollouts, each with its picture and what the player needs."""
         return [
             (
-                told,
-                drawings.drawing(r, told, r.record.problem.corridor),
+                facts,
+                drawings.drawing(r, facts, r.record.problem.corridor),
                 replay_json(r, r.record.problem.corridor),
             )
-            for r, told in zip(self._retold, self._facts["dangerous"], strict=True)
+            for r, facts in zip(self._rollouts, self._facts["dangerous"], strict=True)
         ]

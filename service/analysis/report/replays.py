@@ -12,7 +12,7 @@ import numpy as np
 from markupsafe import Markup
 
 from service.analysis.failures.play import playback_of
-from service.analysis.report.dangerous import Retold
+from service.analysis.report.dangerous import ShownRollout
 from service.analysis.trace import Trace
 from sumo_nets.corridor import Corridor
 
@@ -33,12 +33,14 @@ def player_hash() -> str:
     return f"'sha256-{digest}'"
 
 
-def replay_json(retold: Retold, corridor: Corridor) -> Markup | None:
+def replay_json(rollout: ShownRollout, corridor: Corridor) -> Markup | None:
     """The rollout as JSON that may stand between script tags; None where it could not be run again."""
-    trace = retold.trace
+    trace = rollout.trace
     if trace is None or not trace.measured.size:
         return None
-    played = playback_of(trace, corridor, retold.record.estimate.gamma, retold.threat, 0, states_shown(trace))
+    played = playback_of(
+        trace, corridor, rollout.record.estimate.gamma, rollout.threat, 0, states_shown(trace)
+    )
     text = msgspec.json.encode(played).decode()
     return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))
 

@@ -83,14 +83,14 @@ def commands(jobs: Sequence[Job]) -> list[str]:
 
 def _command(jobs: Sequence[Job], options: dict[str, Any]) -> str:
     job = jobs[0]
-    said = ["tailroad", "estimate", job.scenario.name if is_built_in(job) else f"{job.scenario.name}.toml"]
-    said += ["--ego", job.ego, "--gamma", repr(job.gamma)]
+    words = ["tailroad", "estimate", job.scenario.name if is_built_in(job) else f"{job.scenario.name}.toml"]
+    words += ["--ego", job.ego, "--gamma", repr(job.gamma)]
     for each in jobs:
-        said += ["--method", each.method]
+        words += ["--method", each.method]
     for option in FLAGS:
         if options.get(option) is not None:
-            said += ["--" + option.replace("_", "-"), str(options[option])]
-    return shlex.join([*said, "--seed", str(job.seed)])
+            words += ["--" + option.replace("_", "-"), str(options[option])]
+    return shlex.join([*words, "--seed", str(job.seed)])
 
 
 def options_without_flag(job: Job) -> list[str]:

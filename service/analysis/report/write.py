@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from service.analysis.failures.rerun import Open, Rerunner
-from service.analysis.report.dangerous import LookBack, look_back, telling
+from service.analysis.report.dangerous import Findings, findings_of, most_informative
 from service.analysis.report.facts import facts_of
 from service.analysis.report.page import page_of
 from service.analysis.risk import POLICE_REPORTED, Baseline
@@ -44,7 +44,7 @@ def report_of(
     service; baseline: what the risk is held against; opened: rerunners of jobs, in place of `workers`.
     """
     opened = opened or (lambda job: Rerunner(job, workers))
-    seen = look_back(run, telling(records), drawn, opened, folder) if drawn else LookBack()
+    seen = findings_of(run, most_informative(records), drawn, opened, folder) if drawn else Findings()
     facts = facts_of(run, records, seen, now or datetime.now(UTC), baseline, served=folder is None)
     return Made(facts, page_of(facts, records, seen))
 

@@ -118,12 +118,13 @@ def _shown(results: Iterable[Result], planned: list[Cell]) -> Iterator[Result]:
             bar.update(task, advance=1, note=note)
             if not stderr.is_terminal:
                 click.echo(
-                    f"{number} of {len(planned)}: {planned[number - 1].title}: {_told(result)}", err=True
+                    f"{number} of {len(planned)}: {planned[number - 1].title}: {_result_text(result)}",
+                    err=True,
                 )
             yield result
 
 
-def _told(result: Result) -> str:
+def _result_text(result: Result) -> str:
     if result.p is None:
         return f"{result.status}: {result.reason}" if result.reason else "p not known"
     return f"p = {result.p:.3g} [{result.low:.3g}, {result.high:.3g}], {result.verdict}"

@@ -231,7 +231,7 @@ def _print_pair(console: Console, found: Comparison, pair: Pair, level: str) -> 
                 _change(mode),
             )
         console.print(table)
-    console.print(pair.said, highlight=False)
+    console.print(pair.summary, highlight=False)
 
 
 def _change(mode: ModeChange) -> str:

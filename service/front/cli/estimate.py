@@ -185,7 +185,7 @@ def _run(store: RunDirectory, workers: int, max_failed: float, with_report: bool
     else:
         _print(summaries, compared)
         for method, risk in risks.items():
-            click.echo(f"As a rate, by {method}: {risk.said}")
+            click.echo(f"As a rate, by {method}: {risk.summary}")
     if with_report:
         from service.analysis.report import write_report
 

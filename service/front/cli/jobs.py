@@ -34,12 +34,12 @@ def command(status: str | None, label: str | None, limit: int, client: Client, a
     for job in found:
         event = quantity(job.gamma, job.unit)
         table.add_row(
-            job.id, job.scenario, job.ego, event, job.method, told_status(job), counted(job), job.label
+            job.id, job.scenario, job.ego, event, job.method, status_text(job), counted(job), job.label
         )
     Console().print(table)
 
 
-def told_status(job: Job) -> str:
+def status_text(job: Job) -> str:
     return f"{job.status}: {job.reason}" if job.reason else job.status
 
 

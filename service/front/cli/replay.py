@@ -7,7 +7,7 @@ import msgspec
 
 from service.analysis.exports import Exports, write_exports
 from service.analysis.failures.events import ORDERS, Order, events_of
-from service.analysis.failures.tell import failure_told
+from service.analysis.failures.tell import failure_of
 from service.analysis.wording import significant
 from service.errors import InputError
 from service.front.cli.options import json_option, require_folder
@@ -64,7 +64,7 @@ def command(
     title = f"{run.name}, rank {rank} by {order}"
     exports = Exports(scenario=scenario_file, fcd=fcd, mp4=video, mcap=recording, table=table)
     again = write_exports(record.problem, x, noise_seed, title, exports)
-    failure = failure_told(events, position, again, rank)
+    failure = failure_of(events, position, again, rank)
     if as_json:
         click.echo(msgspec.json.format(msgspec.json.encode(failure), indent=2).decode())
         return

@@ -22,7 +22,7 @@ from service.studies.reproduce.sizes import SCALES
 
 WORLDS_TITLE = "Other worlds: the whole 2 km, another road, another's ego, a black box"
 FLEET = tuple(name for name in PLANS if name != "worlds")  # its black box is on this machine
-TOLD_EVERY_S = 60.0  # where standard error is no terminal
+REPORT_EVERY_S = 60.0  # where standard error is no terminal
 
 
 @click.command()
@@ -74,25 +74,25 @@ def command(
     """
     workers = workers or core_count()
     pages = pages or out / "pages"
-    said = _said(name, scale, sumo, seed)
+    command_line = _command_line(name, scale, sumo, seed)
     ctx = click.get_current_context()
     try:
         if connect and name not in FLEET:
             raise InputError(f"--connect does not go with {name}; what runs on a fleet: {', '.join(FLEET)}")
         if connect:
             (plan,) = plans_of(name, scale, seed)
-            page = _on_fleet(plan, connect, zenoh_config, said)
+            page = _on_fleet(plan, connect, zenoh_config, command_line)
         elif name in PLANS:
             plans = plans_of(name, scale, seed)
-            page = _carried_out(plans, out, truths or out / "truths", workers, sumo, said)
+            page = _carried_out(plans, out, truths or out / "truths", workers, sumo, command_line)
         elif name == "qualitative":
             with progress_bar() as bar:
                 watch = _watch(bar, bar.add_task(name, total=None, note=""), 0)
-                page = qualitative_page(scale, seed, out, pages, workers, sumo, watch, said)
+                page = qualitative_page(scale, seed, out, pages, workers, sumo, watch, command_line)
         elif name == "peers":
-            page = peers_page(scale, out, said, lambda what: stderr.print(what))
+            page = peers_page(scale, out, command_line, lambda what: stderr.print(what))
         else:
-            page = scale_page(scale, workers, said, lambda what: stderr.print(what))
+            page = scale_page(scale, workers, command_line, lambda what: stderr.print(what))
     except KeyboardInterrupt:
         stderr.print("\nInterrupted; what was run is kept. The same command goes on.")
         ctx.exit(INTERRUPTED)
@@ -100,26 +100,30 @@ def command(
 
 
 def _carried_out(
-    plans: tuple[Plan, ...], out: Path, truths: Path, workers: int, sumo: bool, said: str
+    plans: tuple[Plan, ...], out: Path, truths: Path, workers: int, sumo: bool, command_line: str
 ) -> Page:
     total = sum(plan.rollouts for plan in plans)
     serving = any(plan.truth.ego == f"zenoh:{BLACK_BOX}" for plan in plans)
     with progress_bar() as bar, black_box(BLACK_BOX) if serving else nullcontext():
         watch = _watch(bar, bar.add_task(plans[0].name, total=total, note=""), total)
         outcomes = [carry_out(plan, out, truths, workers, sumo, watch) for plan in plans]
-    return page_of(outcomes[0], said) if len(plans) == 1 else page_of_several(WORLDS_TITLE, outcomes, said)
+    return (
+        page_of(outcomes[0], command_line)
+        if len(plans) == 1
+        else page_of_several(WORLDS_TITLE, outcomes, command_line)
+    )
 
 
-def _on_fleet(plan: Plan, connect: tuple[str, ...], zenoh_config: str | None, said: str) -> Page:
+def _on_fleet(plan: Plan, connect: tuple[str, ...], zenoh_config: str | None, command_line: str) -> Page:
     from service.remote.client import Client  # Zenoh takes a moment to import
     from service.studies.reproduce.fleet import carry_out_on
 
     with Client(list(connect), zenoh_config) as client, progress_bar() as bar:
         watch = _watch(bar, bar.add_task(plan.name, total=plan.rollouts, note=""), plan.rollouts)
-        return page_of(carry_out_on(client, plan, watch), f"{said} --connect HOST")
+        return page_of(carry_out_on(client, plan, watch), f"{command_line} --connect HOST")
 
 
-def _said(name: str, scale: str, sumo: bool, seed: int) -> str:
+def _command_line(name: str, scale: str, sumo: bool, seed: int) -> str:
     """The command that anyone can run for the same page."""
     more = (" --sumo" if sumo else "") + (f" --seed {seed}" if seed != 1 else "")
     return f"tailroad reproduce {name} --scale {scale}{more}"
@@ -127,8 +131,8 @@ def _said(name: str, scale: str, sumo: bool, seed: int) -> str:
 
 def _watch(bar: Progress, task: TaskID, total: int) -> Watch:
     done = 0
-    told = time.monotonic()
-    began = told
+    reported_at = time.monotonic()
+    began = reported_at
 
     def on_part(what: str, rollouts: int) -> None:
         bar.update(task, note=what)
@@ -136,12 +140,12 @@ def _watch(bar: Progress, task: TaskID, total: int) -> Watch:
             click.echo(f"{what}: at most {rollouts:,} rollouts" if rollouts else what, err=True)
 
     def on_rollouts(count: int) -> None:
-        nonlocal done, told
+        nonlocal done, reported_at
         done += count
         bar.update(task, advance=count)
         now = time.monotonic()
-        if not stderr.is_terminal and now - told > TOLD_EVERY_S:
-            told = now
+        if not stderr.is_terminal and now - reported_at > REPORT_EVERY_S:
+            reported_at = now
             of = f" of {total:,}" if total else ""
             click.echo(f"{done:,}{of} rollouts, {now - began:.0f} s", err=True)
 

@@ -37,17 +37,17 @@ def export(file: Path, scenario: str, seed: int, vehicles: bool, as_json: bool) 
     corridor = check_road(loaded, scenario)
     scene = build_scene(corridor)
     write(scene, file, start_poses(loaded, corridor, seed) if vehicles else None)
-    said = {
+    facts = {
         "file": str(file),
         "scenario": loaded.name,
         "faces": len(scene.faces),
         "bytes": file.stat().st_size,
     }
     if as_json:
-        click.echo(json.dumps(said, indent=2))
+        click.echo(json.dumps(facts, indent=2))
     else:
         click.echo(
-            f"{file}: {said['faces']} solid faces, road and markings, {file.stat().st_size / 1e6:.1f} MB"
+            f"{file}: {facts['faces']} solid faces, road and markings, {file.stat().st_size / 1e6:.1f} MB"
         )
 
 

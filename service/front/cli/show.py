@@ -7,7 +7,7 @@ from rich.table import Table
 
 from service.analysis.wording import quantity
 from service.front.cli.client_options import client_options, echo_json
-from service.front.cli.jobs import counted, told_status
+from service.front.cli.jobs import counted, status_text
 from service.front.cli.options import finite, json_option
 from service.remote.client import Client
 
@@ -29,7 +29,7 @@ def command(job: str, gamma: float | None, confidence: float | None, client: Cli
     console, table = Console(), Table(show_header=False)
     rows = {
         "job": f"{found.id}  {found.label}",
-        "status": told_status(found),
+        "status": status_text(found),
         "rollouts": counted(found) or f"{estimate.rollouts.total:,}",
         "question": f"p = P0(f <= {quantity(estimate.gamma, estimate.unit)}), {found.scenario}, ego {found.ego}, "
         f"{found.method}, seed {found.seed}",

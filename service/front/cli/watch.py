@@ -52,7 +52,7 @@ def _as_bar(client: Client, job: str) -> str:
                 bar.update(task, note=_note(event.body["record"]))
             else:
                 status = _status(event) or status
-                stderr.print(f"{event.at[11:19]} {_told(event)}", highlight=False)
+                stderr.print(f"{event.at[11:19]} {_event_text(event)}", highlight=False)
     return status
 
 
@@ -64,7 +64,7 @@ def _status(event: Event) -> str:
     return event.body["status"] if event.kind == "status" else ""
 
 
-def _told(event: Event) -> str:
+def _event_text(event: Event) -> str:
     body = event.body
     if event.kind == "status":
         return f"{body['status']}: {body['reason']}" if body.get("reason") else str(body["status"])

@@ -27,7 +27,7 @@ log = logging.getLogger("tailroad.dashboard")
 Handler = Callable[[Request], Awaitable[Response]]
 
 
-class KeptForGood(StaticFiles):
+class ImmutableFiles(StaticFiles):
     """Files whose address changes with what they hold."""
 
     def file_response(self, *args, **kwargs) -> Response:
@@ -111,11 +111,11 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
 
     async def order(request: Request) -> Response:
         name, what = request.path_params["job"], request.path_params["order"]
-        told = {"cancel": Client.cancel, "pause": Client.pause, "resume": Client.resume}.get(what)
-        if told is None:
+        order = {"cancel": Client.cancel, "pause": Client.pause, "resume": Client.resume}.get(what)
+        if order is None:
             raise HTTPException(404)
         back = local_path((await sent(request)).get("back", ""), f"/jobs/{quote(name, safe='')}")
-        await site.link.order(lambda client: told(client, name))
+        await site.link.order(lambda client: order(client, name))
         return RedirectResponse(back, 303)
 
     async def events(request: Request) -> Response:
@@ -163,7 +163,7 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
         Route("/jobs/{job}/report", files.report),
         Route("/jobs/{job}/report.json", files.report_json),
         Route("/live", events),
-        Mount("/static", KeptForGood(packages=[("service.front.dashboard", "static")])),
+        Mount("/static", ImmutableFiles(packages=[("service.front.dashboard", "static")])),
     ]
     handlers = {Refused: trouble, NoAnswer: trouble, HTTPException: wrong_address, Exception: failed}
     app = Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers)

@@ -62,7 +62,7 @@ class Listener:
         self.woken = asyncio.Event()
 
 
-class Told:
+class EventLog:
     """The latest events, numbered, so that a page hears what happened after it was drawn and before it listened.
 
     A mark names a place among them: in this run, and after how many."""
@@ -99,7 +99,7 @@ class Live:
     def __init__(self, client: Client, rates: Rates, changed: Callable[[], None] = lambda: None):
         self._client, self._rates, self._changed = client, rates, changed
         self._listeners: set[Listener] = set()
-        self._told = Told()
+        self._events = EventLog()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._hear, name="dashboard-events", daemon=True)
@@ -125,14 +125,14 @@ class Live:
     @property
     def mark(self) -> str:
         """What has been told by now; for `stream`. To be taken before a page is drawn."""
-        return self._told.mark
+        return self._events.mark
 
     async def stream(self, job: str | None, here: bool | None, since: str) -> AsyncIterator[bytes]:
         """Events of one job, or of all, as text/event-stream, those after the mark `since` first. here: what
         is known of the service now."""
         listener = Listener()
         listener.link = here
-        missed = self._told.since(since)
+        missed = self._events.since(since)
         listener.all = missed is None
         for name, kind in missed or ():
             listener.jobs[name].add(kind)
@@ -143,14 +143,16 @@ class Live:
                 if listener.link is not None:
                     yield _event("link", {"here": listener.link})
                     listener.link = None
-                told = {name: sorted(kinds) for name, kinds in listener.jobs.items() if job in (None, name)}
+                changed = {
+                    name: sorted(kinds) for name, kinds in listener.jobs.items() if job in (None, name)
+                }
                 everything, listener.all = listener.all, False
                 listener.jobs.clear()
                 listener.woken.clear()
                 if everything:
                     yield _event("all", {}, self.mark)
-                elif told:
-                    yield _event("jobs", told, self.mark)
+                elif changed:
+                    yield _event("jobs", changed, self.mark)
                 try:
                     await asyncio.wait_for(listener.woken.wait(), QUIET_S)
                     await asyncio.sleep(GATHER_S)
@@ -187,7 +189,7 @@ class Live:
             self._loop.call_soon_threadsafe(what, *values)
 
     def _tell(self, job: str, kind: str) -> None:
-        self._told.add(job, kind)
+        self._events.add(job, kind)
         if kind != "progress":
             self._changed()
         for listener in self._listeners:

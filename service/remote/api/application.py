@@ -82,7 +82,7 @@ class Application:
             else:
                 route, names = routes.find(key, bool(payload))
                 action = route.action
-                answer = self._told(self._do(route, names, parameters, payload))
+                answer = self._encoded(self._do(route, names, parameters, payload))
         except Exception as error:
             problem = problem_of(error, f"{routes.PREFIX}/{short(key)}")
             if problem.status == 500:
@@ -106,7 +106,7 @@ class Application:
         self._replays.close()
         self._state.close()
 
-    def _told(self, found: msgspec.Struct | File) -> Answer:
+    def _encoded(self, found: msgspec.Struct | File) -> Answer:
         """As it goes over the wire; ApiError for a file that is larger than this service sends."""
         if not isinstance(found, File):
             return Answer(200, msgspec.json.encode(found))

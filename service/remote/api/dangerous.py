@@ -12,7 +12,7 @@ from service.analysis.failures.events import CHAINS
 from service.analysis.failures.find import find_failures
 from service.analysis.failures.objects import Failures
 from service.analysis.failures.play import playback_of
-from service.analysis.failures.rerun import Again
+from service.analysis.failures.rerun import Rerun
 from service.analysis.failures.scenario_file import scenario_text
 from service.analysis.video import EgoView, jpeg_pictures
 from service.evaluation.record import JobRecord
@@ -125,7 +125,7 @@ class DangerousAnswers:
         )
 
     def _camera(
-        self, record: JobRecord, again: Again, x: np.ndarray, noise_seed: int, count: int
+        self, record: JobRecord, again: Rerun, x: np.ndarray, noise_seed: int, count: int
     ) -> tuple[CameraPicture, ...] | None:
         if again.trace is None:
             return None
@@ -147,7 +147,7 @@ def _title(job: str, phase: str, iteration: int, row: int) -> str:
     return f"Rollout {row} of phase {phase}, iteration {iteration}, job {job}"
 
 
-def _playback(record: JobRecord, again: Again) -> Any:
+def _playback(record: JobRecord, again: Rerun) -> Any:
     if again.trace is None:
         return None
     threat = None if again.motion is None else again.motion.other

@@ -4,8 +4,8 @@ from typing import Any, Literal
 
 import msgspec
 
+from service.analysis.estimate_parts import EstimateWarning, Rollouts
 from service.analysis.failures.playback import Playback
-from service.analysis.told import EstimateWarning, Rollouts
 
 STATUSES = ("running", "paused", "done", "cancelled", "failed")
 OVER = ("done", "cancelled", "failed")
@@ -66,7 +66,7 @@ class Jobs(_Body, frozen=True):
     next: int | None
 
 
-class Doing(_Body, frozen=True):
+class RunningChunk(_Body, frozen=True):
     """A chunk that a worker has now. audit: another worker has run it before; for_s: since it was given."""
 
     job: str
@@ -92,7 +92,7 @@ class Worker(_Body, frozen=True):
     rollouts: int
     worker_s: float
     quarantine: str
-    now: tuple[Doing, ...]
+    now: tuple[RunningChunk, ...]
 
 
 class Tally(_Body, frozen=True):

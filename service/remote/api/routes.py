@@ -137,17 +137,17 @@ def _parameters(kind: type[msgspec.Struct]) -> list[O.Parameter]:
 def _words(described: dict[str, Any]) -> str:
     """A schema of one value in words."""
     options = described.get("anyOf", [described])
-    said = []
+    choices = []
     for one in options:
         if "enum" in one:
-            said.append(" or ".join(str(v) for v in one["enum"]))
+            choices.append(" or ".join(str(v) for v in one["enum"]))
         elif one.get("type") != "null":
             ends = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<",
                     "maxLength": "length <="}  # fmt: skip
-            said.append(
+            choices.append(
                 " ".join([one.get("type", ""), *(f"{sign} {one[k]}" for k, sign in ends.items() if k in one)])
             )
-    return " or ".join(said)
+    return " or ".join(choices)
 
 
 def wire_types() -> dict[str, type[msgspec.Struct]]:

@@ -42,7 +42,7 @@ def error_pictures(facts: Facts, site: str, protocol: str) -> list[Picture]:
     horizons = of["horizons_s"]
     found = []
     for key, label in ERRORS.items():
-        said = []
+        sentences = []
         with ink.figure(3.0) as drawn:
             axes = drawn.add_subplot()
             for model, by_protocol in of["models"].items():
@@ -53,7 +53,7 @@ def error_pictures(facts: Facts, site: str, protocol: str) -> list[Picture]:
                 if model == facts["weights"]:
                     axes.fill_between(horizons, low, high, color=style["color"], alpha=ink.BAND, linewidth=0)
                 axes.plot(horizons, value, label=facts["labels"][model], marker="o", markersize=3, **style)
-                said.append(f"{facts['labels'][model]} {value[-1]:.3g} after {horizons[-1]:g} s")
+                sentences.append(f"{facts['labels'][model]} {value[-1]:.3g} after {horizons[-1]:g} s")
             if site == "i80" and horizons[-1] >= TARGET_HORIZON_S:
                 axes.plot(
                     [TARGET_HORIZON_S], [TARGETS[key][0]], "*", color=PEOPLE, markersize=9, label="target"
@@ -67,7 +67,7 @@ def error_pictures(facts: Facts, site: str, protocol: str) -> list[Picture]:
                 ink.picture(
                     drawn,
                     label[0].upper() + label[1:],
-                    f"Root mean square {label} against time: " + "; ".join(said) + ".",
+                    f"Root mean square {label} against time: " + "; ".join(sentences) + ".",
                     "",
                 )
             )
@@ -116,19 +116,19 @@ def lane_change_picture(facts: Facts) -> Picture | None:
     sites = facts["data"]["lane_changes"]
     with ink.figure(2.6) as drawn:
         axes = drawn.add_subplot()
-        said = []
+        sentences = []
         for i, (site, of) in enumerate(sites.items()):
             rows = [row for row in of["by_lane"] if row["per_vehicle_km"] is not None]
             x = np.array([row["of"] for row in rows]) + 0.36 * (i - 0.5 * (len(sites) - 1))
             axes.bar(x, [row["per_vehicle_km"] for row in rows], width=0.34, label=site,
                      color=("#0072B2", "#E69F00", "#009E73", "#CC79A7")[i % 4])  # fmt: skip
-            said.append(f"{site} {of['per_vehicle_km']} over all lanes")
+            sentences.append(f"{site} {of['per_vehicle_km']} over all lanes")
         axes.set_xlabel("from lane (1 = leftmost)")
         axes.set_ylabel("changes a vehicle-km")
         axes.legend(fontsize=7.5)
         return ink.picture(
             drawn,
             "Recorded lane changes by lane",
-            "Lane changes a vehicle-km by lane: " + "; ".join(said) + ".",
+            "Lane changes a vehicle-km by lane: " + "; ".join(sentences) + ".",
             "Between main lanes; ramps apart.",
         )

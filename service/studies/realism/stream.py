@@ -138,7 +138,7 @@ class Counter:
         self._length = traffic.length_of(self._edges)
         self._rows: list[tuple[float, float]] = []
 
-    def look(self) -> None:
+    def observe(self) -> None:
         self._rows.append(self._traffic.count(self._edges))
 
     def averages(self) -> np.ndarray:
@@ -190,7 +190,7 @@ def of_model(
             _mirror(traffic, agents, names, road.spacing_m)
             traffic.step()
             if t * 0.1 >= WARM_UP_S:
-                counter.look()
+                counter.observe()
                 contacts, frames = contacts + touching, frames + there
     return _facts(counter.averages(), wanted_flow, waiting) | {
         "touching_share": rounded(contacts / max(frames, 1), 5)
@@ -254,7 +254,7 @@ def of_sumo(corridor: Corridor, wanted_flow: Demand, seed: int) -> dict[str, Any
                     traffic.add(f"v{entered}", LENGTH_M, WIDTH_M, lane, ENTRY_M, limits[lane], False)
             traffic.step()
             if t * 0.1 >= WARM_UP_S:
-                counter.look()
+                counter.observe()
         waiting = entered - traffic.seen
     return _facts(counter.averages(), wanted_flow, np.array([waiting]))
 

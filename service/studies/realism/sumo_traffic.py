@@ -12,7 +12,7 @@ from sumo_nets.corridor import Corridor
 
 
 class SumoTraffic:
-    """Vehicles that SUMO's own driver (Krauss) drives among others that are put where they are told; a context manager.
+    """Vehicles that SUMO's own driver (Krauss) drives among others that are placed at each step; a context manager.
 
     SUMO knows lanes and positions along them: a vehicle that is changing lanes is in the middle of one or the other.
     """
@@ -45,13 +45,13 @@ class SumoTraffic:
         self._length = {}
 
     def add(
-        self, name: str, length: float, width: float, lane: int, station: float, speed: float, told: bool
+        self, name: str, length: float, width: float, lane: int, station: float, speed: float, placed: bool
     ) -> None:
-        """A vehicle whose centre is at `station` (m) in `lane` (0 = leftmost); told: it only goes where it is put."""
-        kind = f"{'told' if told else 'free'}-{length:.2f}-{width:.2f}-{lane == 0}"
+        """A vehicle whose centre is at `station` (m) in `lane` (0 = leftmost); placed: it only goes where it is put."""
+        kind = f"{'placed' if placed else 'free'}-{length:.2f}-{width:.2f}-{lane == 0}"
         if kind not in self._sumo.vehicletype.getIDList():
             self._sumo.vehicletype.copy("DEFAULT_VEHTYPE", kind)
-            reserved = told or lane == 0
+            reserved = placed or lane == 0
             self._sumo.vehicletype.setVehicleClass(kind, CONTROLLED_CLASS if reserved else BACKGROUND_CLASS)
             self._sumo.vehicletype.setLength(kind, length)
             self._sumo.vehicletype.setWidth(kind, width)
@@ -60,12 +60,12 @@ class SumoTraffic:
         self._sumo.vehicle.add(name, route, typeID=kind, departLane=str(index), departPos=f"{position:.2f}",
                             departSpeed=f"{speed:.3f}")  # fmt: skip
         self._length[name] = length
-        if told:
+        if placed:
             self._sumo.vehicle.setSpeedMode(name, UNCHECKED)
             self._sumo.vehicle.setLaneChangeMode(name, UNCHECKED)
 
     def put(self, name: str, lane: int, station: float, speed: float) -> None:
-        """Place a told vehicle for the coming step."""
+        """Move a placed vehicle for the coming step."""
         edge, index, position = self._where(lane, station + 0.5 * self._length[name])
         self._sumo.vehicle.moveTo(name, f"{edge}_{index}", position)
         self._sumo.vehicle.setSpeed(name, max(speed, 0.0))

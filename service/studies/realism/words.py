@@ -106,13 +106,13 @@ def caveats(facts: Facts) -> list[str]:
             f"{of['seconds']:g} s. Intervals draw vehicles anew; with so few they are themselves rough."
         )
     changes = facts["data"]["lane_changes"]
-    said = [
+    parts = [
         f"{site} {of['lane_changes_main_lanes']} in {of['vehicle_km_main_lanes']:g} vehicle-km"
         for site, of in changes.items()
     ]
     return [
         *found,
-        f"Thin evidence across the road: lane changes between main lanes are {', '.join(said)}, all vehicles taken "
+        f"Thin evidence across the road: lane changes between main lanes are {', '.join(parts)}, all vehicles taken "
         "together.",
         "Recorded positions come from image tracking. They are smoothed (halved at 0.3 Hz along, 0.2 Hz across the "
         "road) before speeds and accelerations are taken; brakes shorter than about a second do not survive it, so "

@@ -109,17 +109,17 @@ def _as_sent(scenario: str, noise_mode: NoiseMode | None) -> str | dict[str, Any
 
 def _wait(client: Client, job: str, most: int, watch: Watch) -> None:
     """Until the job is over, telling of its rollouts."""
-    told = 0
+    reported = 0
     for count in _progress(client, job):
-        watch.on_rollouts(max(count - told, 0))
-        told = max(told, count)
+        watch.on_rollouts(max(count - reported, 0))
+        reported = max(reported, count)
     found = client.job(job)
     if found.status != "done":
         raise InputError(
             f"job {job} of the fleet is {found.status}: {found.reason or 'no reason given'}; the same command "
             "submits it anew"
         )
-    watch.on_rollouts(max(most - told, 0))
+    watch.on_rollouts(max(most - reported, 0))
 
 
 def _progress(client: Client, job: str) -> Iterator[int]:

@@ -94,18 +94,18 @@ def finish_run(
     with _opened(folder, job) as store:
         cost = {"worker_s": 0.0, "sim_s": 0.0}
         began = time.perf_counter()
-        told = 0
+        reported = 0
 
         def on_chunk(chunk: Chunk, replayed: bool) -> None:
-            nonlocal told
+            nonlocal reported
             cost["worker_s"] += chunk.worker_s
             cost["sim_s"] += float(chunk.steps.sum()) * job.scenario.time.step_s
-            told += chunk.stop - chunk.start
+            reported += chunk.stop - chunk.start
             watch.on_rollouts(chunk.stop - chunk.start)
 
         open_world = in_sumo if sumo else without_sumo
         estimate = run_job(store, job, workers, Watcher(on_chunk=on_chunk), open_world=open_world)
-        watch.on_rollouts(run.budget - told)  # where the method needed fewer
+        watch.on_rollouts(run.budget - reported)  # where the method needed fewer
     cost["wall_s"] = time.perf_counter() - began
     result = result_of(run, estimate, gammas, cost, job.tailroad)
     results.save(folder / RESULT, result)

@@ -21,11 +21,11 @@ from service.studies.reproduce.tables import Table, number
 
 
 class Size(msgspec.Struct, frozen=True):
-    """gammas: thresholds; budget: of each run; again: rollouts run again for behaviours; films: of each run."""
+    """gammas: thresholds; budget: of each run; examined: rollouts run again for behaviours; films: of each run."""
 
     gammas: tuple[float, ...]
     budget: int
-    again: int
+    examined: int
     films: int
 
 
@@ -39,7 +39,7 @@ SIZES = {
 SCENARIO, EGO = "i80-paper-10s", "lidar"
 
 
-class Seen(msgspec.Struct, frozen=True):
+class ExaminedRun(msgspec.Struct, frozen=True):
     """A run, looked at."""
 
     run: Run
@@ -65,7 +65,7 @@ def qualitative_page(
     size = SIZES[scale]
     name = f"qualitative-{scale}"
     tables: list[Table] = []
-    seen: list[Seen] = []
+    seen: list[ExaminedRun] = []
     words: list[str] = []
     for run in runs_of(size, seed):
         finish_run(run, (run.gamma,), out, workers, sumo, watch)
@@ -73,13 +73,13 @@ def qualitative_page(
             record = replay(store, store.jobs[0])
         with Rerunner(record.job, workers) as rerunner:
             watch.on_part(f"{run.series}: what was learned", 0)
-            learned = learned_of(run.series, record, rerunner, size.again)
-            found = find_failures(run.series, record, rerunner, limit=20, most=max(size.again, 20))
+            learned = learned_of(run.series, record, rerunner, size.examined)
+            found = find_failures(run.series, record, rerunner, limit=20, most=max(size.examined, 20))
         films = _films(record, found, pages / name, len(seen), size.films, watch.on_part)
-        seen.append(Seen(run, learned, msgspec.Raw(msgspec.json.encode(found.failures)), films))
+        seen.append(ExaminedRun(run, learned, msgspec.Raw(msgspec.json.encode(found.failures)), films))
         tables += [_starts(run, learned), _behaviours(run, learned), _modes(run, found, films, name)]
-        told = " ".join(_sentence(part) for part in learned.summary) or "No shift stands out of chance."
-        words.append(f"**{run.series}.** {told} {' '.join(learned.notes)}")
+        shifts = " ".join(_sentence(part) for part in learned.summary) or "No shift stands out of chance."
+        words.append(f"**{run.series}.** {shifts} {' '.join(learned.notes)}")
     introduction = [
         made_by(command),
         f'Scenario `{SCENARIO}`, ego `{EGO}`. "Proposal" is the distribution that a search has learned (CE), or the '
@@ -126,15 +126,15 @@ def _rate(rate: Rate | None) -> str:
 
 
 def _modes(run: Run, found: Found, films: tuple[str, ...], folder: str) -> Table:
-    told = found.failures
+    failures = found.failures
     rows = tuple(
         (m.name, count(m.events), f"{percent(m.share)} ({percent(m.share_ci[0])} to {percent(m.share_ci[1])})",
          f"{significant(m.p, 2)} ({significant(m.ci[0], 2)} to {significant(m.ci[1], 2)})", m.typical)
-        for m in told.modes
+        for m in failures.modes
     )  # fmt: skip
     links = ", ".join(f"[{film}]({folder}/{film})" for film in films)
     return Table(f"{run.series}: how it fails", ("mode", "rollouts", "share of p", "p", "typically"), rows,
-                 " ".join([*told.notes, f"Films: {links}." if links else ""]).strip())  # fmt: skip
+                 " ".join([*failures.notes, f"Films: {links}." if links else ""]).strip())  # fmt: skip
 
 
 def _films(

@@ -44,7 +44,7 @@ TICK_S = 0.1
 EGO = "lidar"
 
 
-class Reach(msgspec.Struct, frozen=True, kw_only=True):
+class FleetTiming(msgspec.Struct, frozen=True, kw_only=True):
     """What a fleet of so many workers came to. efficiency: the job's rollouts' own time over workers x makespan; busy:
     share of the makespan that the scheduler and the statistics were busy for."""
 
@@ -73,7 +73,7 @@ def measure(job: Job, rollouts: int) -> np.ndarray:
     return taken[1:]
 
 
-def play(job: Job, rollout_s: np.ndarray, workers: int, policy: Policy = STANDARD) -> Reach:
+def play(job: Job, rollout_s: np.ndarray, workers: int, policy: Policy = STANDARD) -> FleetTiming:
     """Run the job to its end on so many workers of one process each, in virtual time."""
     return _Fleet(job, rollout_s, workers, policy).run()
 
@@ -104,7 +104,7 @@ class _Fleet:
             ce.draw(self._problem.base, 1, "estimate", 0, 100 * k, 100 * (k + 1))
         return (time.process_time() - began) / 3
 
-    def run(self) -> Reach:
+    def run(self) -> FleetTiming:
         self._at(0.0, lambda now: self._handle(now, E.Submitted("job", EGO)))
         for i in range(self._workers):
             self._at(0.0, partial(self._begin, f"w{i}"))
@@ -116,7 +116,7 @@ class _Fleet:
         rollouts = (
             self._algorithm.total_rollouts
         )  # audits and copies are not among them: they are what they cost
-        return Reach(
+        return FleetTiming(
             workers=self._workers,
             rollouts=rollouts,
             rollout_ms=1e3 * mean_s,

@@ -11,7 +11,7 @@ from service.analysis.wording import count, percent
 from service.evaluation.job import Job, make_job
 from service.studies import bench
 from service.studies.reproduce.page import Page, made_by, made_with
-from service.studies.reproduce.scale import LATENCY_S, MESSAGE_S, Reach, measure, play
+from service.studies.reproduce.scale import LATENCY_S, MESSAGE_S, FleetTiming, measure, play
 from service.studies.reproduce.tables import Table, number
 from service.world.scenario import load_scenario
 
@@ -45,11 +45,11 @@ def scale_page(scale: str, cores: int, command: str, tell: Callable[[str], None]
     tell(f"local pools of up to {cores} workers")
     load = os.getloadavg()[0]
     local = bench.scaling(scenario, EGO, size.measured, sorted({1, 2, cores} & set(range(1, cores + 1))))
-    reaches: dict[str, list[Reach]] = {}
+    timings: dict[str, list[FleetTiming]] = {}
     for name, batch in BATCHES.items():
         for workers in size.fleets:
             tell(f"{workers} workers, {name}")
-            reaches.setdefault(name, []).append(
+            timings.setdefault(name, []).append(
                 play(_job(scenario, workers * size.each, batch), rollout_s, workers)
             )
     sim_s = scenario.time.horizon_s
@@ -68,9 +68,9 @@ def scale_page(scale: str, cores: int, command: str, tell: Callable[[str], None]
         f"scale-{scale}",
         f"Scale ({scale})",
         introduction,
-        [_local_table(local, load, cores), *(_fleet_table(name, r, sim_s) for name, r in reaches.items())],
-        [("scale.svg", _picture(reaches))],
-        {"rollout_s": rollout_s.tolist(), "local": local, "fleets": reaches},
+        [_local_table(local, load, cores), *(_fleet_table(name, r, sim_s) for name, r in timings.items())],
+        [("scale.svg", _picture(timings))],
+        {"rollout_s": rollout_s.tolist(), "local": local, "fleets": timings},
     )
 
 
@@ -89,7 +89,7 @@ def _local_table(local: list[dict[str, float]], load: float, cores: int) -> Tabl
                  "cores when it began. Only an idle machine tells the efficiency.")  # fmt: skip
 
 
-def _fleet_table(name: str, reaches: list[Reach], sim_s: float) -> Table:
+def _fleet_table(name: str, timings: list[FleetTiming], sim_s: float) -> Table:
     rows = tuple(
         (
             count(r.workers),
@@ -100,7 +100,7 @@ def _fleet_table(name: str, reaches: list[Reach], sim_s: float) -> Table:
             percent(r.statistics_busy),
             number(r.scheduler_ms_per_chunk),
         )
-        for r in reaches
+        for r in timings
     )
     head = (
         "workers",
@@ -119,15 +119,15 @@ def _fleet_table(name: str, reaches: list[Reach], sim_s: float) -> Table:
     return Table(f"Fleets, played: {name}", head, rows, note)
 
 
-def _picture(reaches: dict[str, list[Reach]]) -> Picture:
+def _picture(timings: dict[str, list[FleetTiming]]) -> Picture:
     with ink.figure(3.0) as drawn:
         axes = drawn.add_subplot()
-        for i, (name, found) in enumerate(reaches.items()):
+        for i, (name, found) in enumerate(timings.items()):
             workers = np.array([r.workers for r in found])
             axes.plot(workers, [r.efficiency for r in found], marker="o", markersize=4,
                       color=ink.SPARE_COLOURS[i], linestyle="-" if i else "--", label=name)  # fmt: skip
         axes.set_ylim(0.0, 1.05)
-        axes.set_xlim(0.8, 1.3 * max(r.workers for found in reaches.values() for r in found))
+        axes.set_xlim(0.8, 1.3 * max(r.workers for found in timings.values() for r in found))
         ink.log_axis(axes, "x", lambda v: f"{v:g}")
         axes.set_xlabel("workers")
         axes.set_ylabel("efficiency")

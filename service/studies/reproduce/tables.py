@@ -39,7 +39,7 @@ def number(value: float | None, digits: int = 2) -> str:
     return "–" if value is None or math.isnan(value) else significant(value, digits)
 
 
-def said(ratio: Ratio) -> str:
+def ratio_text(ratio: Ratio) -> str:
     """A ratio with its interval."""
     if math.isnan(ratio.low) or math.isnan(ratio.high):
         return "–"
@@ -187,7 +187,7 @@ def ratios_table(outcome: Outcome, key: str, title: str, note: str) -> Table:
     for name, results in series_of(outcome).items():
         shaky = "" if all(r.reliable for r in results) else " *"
         found = [pooled(outcome, results, i)[key] for i in range(len(gammas))]
-        rows.append((name + (shaky if key != "events" else ""), *(said(r) for r in found)))
+        rows.append((name + (shaky if key != "events" else ""), *(ratio_text(r) for r in found)))
     return Table(title, ("", *(f"γ = {g:g} s" for g in gammas)), tuple(rows), note)
 
 
@@ -206,9 +206,9 @@ def warnings_table(outcome: Outcome) -> Table:
         far = [far_from_truth(outcome, reading) for r in results for reading in r.readings]
         known = [v for v in far if v is not None]
         held = [holds_truth(outcome, reading) for r in results for reading in r.readings]
-        told = [v for v in held if v is not None]
+        decided = [v for v in held if v is not None]
         names = sorted({w for r in results for w in r.warnings})
-        rows.append((name, str(len(results)), f"{sum(known)} of {len(known)}", f"{sum(told)} of {len(told)}",
+        rows.append((name, str(len(results)), f"{sum(known)} of {len(known)}", f"{sum(decided)} of {len(decided)}",
                      number(max(r.max_weight_share for r in results)), ", ".join(names) or "none"))  # fmt: skip
     return Table(
         "What the runs say of themselves",

@@ -12,7 +12,7 @@ from service.world.egos.sumo import PREFIX as SUMO
 from service.world.egos.sumo import SumoEgo
 from service.world.scenario.schema import Scenario
 from service.world.sim.road import road_of
-from service.world.sim.rollout import Eyes
+from service.world.sim.rollout import FrameSource
 from sumo_nets.corridor import Corridor
 
 REMOTE = "zenoh:"
@@ -74,13 +74,15 @@ def open_ego(
     return _python_ego(name) if ":" in name else load_ego(name)
 
 
-def camera_elsewhere(scenario: Scenario, settings: EgoSettings | None = None) -> Callable[[], Eyes] | None:
+def camera_elsewhere(
+    scenario: Scenario, settings: EgoSettings | None = None
+) -> Callable[[], FrameSource] | None:
     """What opens the camera whose pictures a renderer makes elsewhere; None where they are made in this process."""
     settings = settings or EgoSettings.from_environment()
     if settings.renderer is None:
         return None
 
-    def connect() -> Eyes:
+    def connect() -> FrameSource:
         from service.world.egos.remote_camera import RemoteCamera
 
         return RemoteCamera(scenario, settings)

@@ -93,7 +93,7 @@ class Answering:
             except (
                 Exception
             ) as error:  # whatever the policy raises is told to the worker, and the service goes on
-                replies[i] = _told(error)
+                replies[i] = _error_reply(error)
         for (i, _, seen), action in zip(together, self._act(together), strict=True):
             replies[i] = action if isinstance(action, pb.Reply) else reply_to(seen, action)
         return replies
@@ -145,8 +145,8 @@ class Answering:
                 if len(actions) != len(together):
                     raise EgoError(f"act_batch gave {len(actions)} actions for {len(together)} observations")
             except Exception as error:
-                return [_told(error)] * len(together)
-            return [_told(action) if isinstance(action, Exception) else action for action in actions]
+                return [_error_reply(error)] * len(together)
+            return [_error_reply(action) if isinstance(action, Exception) else action for action in actions]
         return [_one(ego, seen) for _, ego, seen in together]
 
 
@@ -154,10 +154,10 @@ def _one(ego: Any, seen: Seen) -> Any:
     try:
         return ego.act(seen)
     except Exception as error:
-        return _told(error)
+        return _error_reply(error)
 
 
-def _told(error: Exception) -> pb.Reply:
+def _error_reply(error: Exception) -> pb.Reply:
     return refusal(f"{type(error).__name__}: {error}")
 
 

@@ -77,15 +77,15 @@ class Observer(Protocol):
     def see(self, world: World, time_s: float, ttc_s: float, action: tuple[float, float] | None) -> None: ...
 
 
-class Eyes(Protocol):
-    """Where an ego's pictures come from."""
+class FrameSource(Protocol):
+    """Where the frames of an ego's camera come from."""
 
     def begin(self, x: np.ndarray, seed: int) -> None: ...
 
     def picture(self, agents: np.ndarray, count: int, ego: int, step: int) -> np.ndarray: ...
 
 
-def _onboard(scenario: Scenario, corridor: Corridor) -> Eyes:
+def _onboard(scenario: Scenario, corridor: Corridor) -> FrameSource:
     from service.world.camera.onboard import OnboardCamera  # its kernels take a moment to load
 
     return OnboardCamera(scenario, corridor)
@@ -102,7 +102,7 @@ class Simulator:
         ego: EgoPolicy,
         fcd: Path | None = None,
         gui: bool = False,
-        open_camera: "Callable[[], Eyes] | None" = None,
+        open_camera: "Callable[[], FrameSource] | None" = None,
     ):
         """open_camera: makes the camera of an ego that wants one; default: one that renders in this process."""
         self._scenario = scenario
@@ -121,7 +121,7 @@ class Simulator:
             background_rows=BACKGROUND_ROWS if background else 0,
         )
         self._open_camera = open_camera or (lambda: _onboard(scenario, corridor))
-        self._camera: Eyes | None = None
+        self._camera: FrameSource | None = None
         self._monitor = open_monitor(scenario, len(self._world.agents))
         stations = [scenario.of(vehicle, "station_m") for vehicle in scenario.vehicles]
         self._has_background = background is not None
@@ -162,7 +162,7 @@ class Simulator:
             if (leave := getattr(part, "close", None)) is not None:
                 leave()
 
-    def _eyes(self) -> Eyes | None:
+    def _frame_source(self) -> FrameSource | None:
         """The ego's camera where it wants one; asked when a rollout has begun: an ego elsewhere has to be met first."""
         if not getattr(self._ego, "wants_camera", False):
             return None
@@ -211,7 +211,7 @@ class Simulator:
             status, ttc = world.observe()
 
         observation = Observation(world.observations[world.ego], 0.0, world.agents[world.ego])
-        camera = self._eyes()
+        camera = self._frame_source()
         if camera is not None:
             camera.begin(x, seed)
         f = ttc

@@ -19,7 +19,7 @@ from policies.layout import HEAD_SIZE, HIDDEN_1, HIDDEN_2, OBSERVATION_SIZE
 from service.analysis import wording
 from service.analysis.failures.playback import Playback
 from service.analysis.report import figures, words, write_report
-from service.analysis.report.dangerous import LookBack
+from service.analysis.report.dangerous import Findings
 from service.analysis.report.facts import facts_of
 from service.analysis.report.objects import Report
 from service.errors import StoreError
@@ -252,7 +252,7 @@ def test_an_unfinished_job_counts_as_far_as_its_record_goes(scenario, tmp_path, 
     job = jobs_of(scenario)[1]
     with RunDirectory.create(tmp_path / "half", (job,)) as store:
         fill(store, job, chunks=chunks)
-        (facts,) = facts_of(store.path.name, [replay(store, job)], LookBack(), NOW)["jobs"]
+        (facts,) = facts_of(store.path.name, [replay(store, job)], Findings(), NOW)["jobs"]
     assert not facts["finished"]
     assert facts["p"] is None
     assert len(facts["training"]) == chunks // 2
@@ -304,7 +304,7 @@ def test_the_report_is_the_same_each_time(run):
     path, html, _, facts = run
     with RunDirectory.open(path) as store:
         records = [replay(store, job) for job in store.jobs]
-    again = facts_of(path.name, records, LookBack(), NOW)
+    again = facts_of(path.name, records, Findings(), NOW)
     assert again == facts
     assert figures.outcomes(again["jobs"]).source in html
 
@@ -313,10 +313,10 @@ def test_methods_that_cannot_both_be_right_are_named(run):
     path, _, _, _ = run
     with RunDirectory.open(path) as store:
         naive, search = (replay(store, job) for job in store.jobs)
-    assert facts_of(path.name, [naive, search], LookBack(), NOW)["disagreement"] is None
+    assert facts_of(path.name, [naive, search], Findings(), NOW)["disagreement"] is None
     wrong = dataclasses.replace(naive.estimate, f=np.zeros(3000))
     odd = dataclasses.replace(naive, estimate=wrong)
-    assert "no value in common" in facts_of(path.name, [odd, search], LookBack(), NOW)["disagreement"]
+    assert "no value in common" in facts_of(path.name, [odd, search], Findings(), NOW)["disagreement"]
 
 
 def test_a_folder_that_cannot_be_written_is_an_error_that_says_so(run, tmp_path):

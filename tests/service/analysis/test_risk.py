@@ -5,7 +5,7 @@ import pytest
 
 import ce
 from service.analysis.exposure import Exposure, exposure_of
-from service.analysis.failures.rerun import Again, Rerunner
+from service.analysis.failures.rerun import Rerun, Rerunner
 from service.analysis.risk import BASELINES, POLICE_REPORTED, Risk, baseline_of, event_of, rate_of
 from service.errors import InputError
 from service.evaluation.job import Problem, make_job
@@ -21,8 +21,8 @@ def test_a_rate_is_p_over_the_kilometres_and_holds_the_uncertainty_of_both():
     assert risk.km_between == pytest.approx(500.0)
     assert risk.km_between_ci == pytest.approx((0.19 / 8e-4, 0.21 / 2e-4))
     assert risk.times_baseline == pytest.approx(2000.0 / POLICE_REPORTED.per_million_km)
-    assert "about 2,000 times per million km (95% interval 950 to 4,200)" in risk.said
-    assert "(240 to 1,000)" in risk.said
+    assert "about 2,000 times per million km (95% interval 950 to 4,200)" in risk.summary
+    assert "(240 to 1,000)" in risk.summary
 
 
 def test_without_an_event_it_says_at_most():
@@ -30,8 +30,8 @@ def test_without_an_event_it_says_at_most():
     assert risk.per_million_km == 0.0
     assert risk.km_between is None
     assert risk.km_between_ci[1] is None
-    assert "at most 530 times per million km" in risk.said
-    assert "at least 1,900 km" in risk.said
+    assert "at most 530 times per million km" in risk.summary
+    assert "at least 1,900 km" in risk.summary
 
 
 def test_what_it_assumes_goes_with_it():
@@ -71,7 +71,7 @@ class Drives(Rerunner):
     def run(self, drawn, traced=(), on_done=lambda count: None):
         self.asked += 1
         return [
-            Again(1.0, "horizon", "lost" if k % 10 == 9 else None, driven_m=100.0 + k, time_s=10.0)
+            Rerun(1.0, "horizon", "lost" if k % 10 == 9 else None, driven_m=100.0 + k, time_s=10.0)
             for k in range(len(drawn))
         ]
 
@@ -96,7 +96,7 @@ def test_kilometres_are_measured_on_rollouts_of_p0_and_remembered(make_scenario,
 def test_where_nothing_runs_no_kilometres_are_known(make_scenario):
     class Lost(Rerunner):
         def run(self, drawn, traced=(), on_done=lambda count: None):
-            return [Again(float("nan"), "error", "lost") for _ in drawn]
+            return [Rerun(float("nan"), "error", "lost") for _ in drawn]
 
     job = make_job(make_scenario(), "idm", 0.5, "naive", 1, {})
     assert exposure_of(job, ce.Product(list(Problem(job).base.blocks)), Lost(job)) is None

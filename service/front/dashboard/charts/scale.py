@@ -30,7 +30,7 @@ class Scale:
     def ticks(self, most: int) -> list[tuple[float, str]]:
         """Values to be marked, with what is written there."""
         values = _log_ticks(self.low, self.high, most) if self.log else _even_ticks(self.low, self.high, most)
-        return [(value, said(value)) for value in values]
+        return [(value, tick_label(value)) for value in values]
 
 
 def fitting(
@@ -46,7 +46,7 @@ def fitting(
     return Scale(low - below, high + room, start, end)
 
 
-def said(value: float) -> str:
+def tick_label(value: float) -> str:
     """A tick's value, short."""
     if value and (abs(value) >= 1e5 or abs(value) < 1e-3):
         return significant(value, 1).removeprefix("1 × ").replace(" × ", "·")

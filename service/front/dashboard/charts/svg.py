@@ -177,7 +177,7 @@ def _legend(series: Sequence[Series]) -> Markup:
 
 def _readable(chart: Chart, series: Sequence[Series], x: Scale) -> dict:
     """What the page's script needs to read values out: for each x the place and a sentence."""
-    said: dict[float, list[str]] = {}
+    labels: dict[float, list[str]] = {}
     for one in series:
         for i, (a, b) in enumerate(zip(one.x, one.y, strict=True)):
             if a is None or b is None:
@@ -186,7 +186,7 @@ def _readable(chart: Chart, series: Sequence[Series], x: Scale) -> dict:
             text += significant(b)
             if one.low and one.low[i] is not None and one.high[i] is not None:
                 text += f" ({significant(one.low[i], 2)} to {significant(one.high[i], 2)})"
-            said.setdefault(a, []).append(text)
+            labels.setdefault(a, []).append(text)
     return {
         "top": TOP,
         "bottom": HEIGHT - BOTTOM,
@@ -195,7 +195,7 @@ def _readable(chart: Chart, series: Sequence[Series], x: Scale) -> dict:
         "low": x.low,
         "high": x.high,
         "points": [
-            [round(x(a), 1), f"{chart.x_label} {significant(a, 4)} – {'; '.join(said[a])}"]
-            for a in sorted(said)
+            [round(x(a), 1), f"{chart.x_label} {significant(a, 4)} – {'; '.join(labels[a])}"]
+            for a in sorted(labels)
         ],
     }

@@ -1,4 +1,4 @@
-"""The fleet: who works, on what, how fast; chunks that were lost, copied and audited; what the jobs told of it."""
+"""The fleet: who works, on what, how fast; chunks that were lost, copied and audited; what happened to workers."""
 
 import asyncio
 import time
@@ -16,58 +16,63 @@ from service.remote.client import Client, Refused
 
 EVERY_S = 3.0
 PAGE = 1000
-MEMORY_S = 60.0  # over which a worker's pace is measured
-TOLD = ("refused", "quarantine", "waiting")  # kinds of events that are about workers
-TOLD_JOBS, TOLD_EVENTS = 10, 20
+MEMORY_S = 60.0  # over which a worker's rate is measured
+WORKER_EVENTS = ("refused", "quarantine", "waiting")  # kinds of events that are about workers
+JOBS_READ, EVENTS_SHOWN = 10, 20
 
 
 @dataclass
-class Paces:
+class WorkerRates:
     """Rollouts a second of each worker, from what it has answered at the times that somebody looked."""
 
     seen: dict[str, deque[tuple[float, int]]] = field(default_factory=dict)
 
-    def look(self, workers: Sequence[Worker], now: float) -> None:
+    def observe(self, workers: Sequence[Worker], now: float) -> None:
         here = {worker.id for worker in workers}
         for gone in set(self.seen) - here:
             del self.seen[gone]
         for worker in workers:
-            looks = self.seen.setdefault(worker.id, deque())
-            if looks and worker.rollouts < looks[-1][1]:
-                looks.clear()  # another worker of that name
-            looks.append((now, worker.rollouts))
-            while len(looks) > 2 and now - looks[0][0] > MEMORY_S:
-                looks.popleft()
+            samples = self.seen.setdefault(worker.id, deque())
+            if samples and worker.rollouts < samples[-1][1]:
+                samples.clear()  # another worker of that name
+            samples.append((now, worker.rollouts))
+            while len(samples) > 2 and now - samples[0][0] > MEMORY_S:
+                samples.popleft()
 
     def of(self, worker: str) -> float | None:
-        looks = self.seen.get(worker)
-        if looks is None or len(looks) < 2 or looks[-1][0] <= looks[0][0]:
+        samples = self.seen.get(worker)
+        if samples is None or len(samples) < 2 or samples[-1][0] <= samples[0][0]:
             return None
-        return (looks[-1][1] - looks[0][1]) / (looks[-1][0] - looks[0][0])
+        return (samples[-1][1] - samples[0][1]) / (samples[-1][0] - samples[0][0])
 
 
 class FleetPage:
-    """The page, with what it remembers of the paces."""
+    """The page, with what it remembers of the rates."""
 
     def __init__(self) -> None:
-        self._paces = Paces()
+        self._rates = WorkerRates()
         self.parts = (
             Part("fleet", "Workers", self.workers, ("status",), EVERY_S),
-            Part("told", "What jobs told of workers", told, ("status", "quarantine", "refused", "waiting")),
+            Part(
+                "worker_events",
+                "Events of workers",
+                worker_events,
+                ("status", "quarantine", "refused", "waiting"),
+            ),
         )
 
     async def workers(self, site: Site, request: Request) -> dict[str, Any]:
         """Workers with what each does now."""
         found, jobs = await asyncio.gather(site.link.ask("workers", _all_workers), all_jobs(site))
         here = [worker for worker in found if not worker.quarantine]
-        self._paces.look(here, time.monotonic())
-        paces = {worker.id: self._paces.of(worker.id) for worker in here}
-        known = [pace for pace in paces.values() if pace is not None]
+        self._rates.observe(here, time.monotonic())
+        rates = {worker.id: self._rates.of(worker.id) for worker in here}
+        known = [rate for rate in rates.values() if rate is not None]
         open_jobs = [job for job in jobs if job.status == "running"]
         return {
             "here": here,
             "wrong": [worker for worker in found if worker.quarantine],
-            "paces": paces,
+            "rates": rates,
             "per_s": sum(known) if known else None,
             "procs": sum(worker.procs for worker in here),
             "labels": {job.id: job.label or job.id for job in jobs},
@@ -96,13 +101,15 @@ def _all_workers(client: Client) -> list[Worker]:
     return found
 
 
-async def told(site: Site, request: Request) -> dict[str, Any]:
+async def worker_events(site: Site, request: Request) -> dict[str, Any]:
     """Events about workers of the newest jobs and those that run, the newest first."""
     jobs = sorted(await all_jobs(site), key=lambda job: (job.status not in OVER, job.number), reverse=True)
-    asked = jobs[:TOLD_JOBS]
+    asked = jobs[:JOBS_READ]
     lists = await asyncio.gather(*(_events(site, job) for job in asked))
-    events = sorted((e for found in lists for e in found if e.kind in TOLD), key=lambda e: e.at, reverse=True)
-    return {"events": events[:TOLD_EVENTS], "labels": {job.id: job.label or job.id for job in asked}}
+    events = sorted(
+        (e for found in lists for e in found if e.kind in WORKER_EVENTS), key=lambda e: e.at, reverse=True
+    )
+    return {"events": events[:EVENTS_SHOWN], "labels": {job.id: job.label or job.id for job in asked}}
 
 
 async def _events(site: Site, job: Job) -> Sequence[Event]:

@@ -95,12 +95,12 @@ class Asked:
         """The address of the same list with something changed."""
         values = {name: getattr(self, name) for name in self.__dataclass_fields__} | changes
         values["turned"] = "1" if values["turned"] else ""
-        told = {
+        query = {
             k: v
             for k, v in values.items()
             if v and not (k == "sort" and v == "newest") and (k, v) != ("page", 1)
         }
-        return "/?" + urlencode(told) if told else "/"
+        return "/?" + urlencode(query) if query else "/"
 
     @property
     def filtered(self) -> bool:

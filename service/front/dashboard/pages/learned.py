@@ -29,10 +29,10 @@ async def learned(site: Site, request: Request) -> dict[str, Any]:
         FOR_GOOD_S if job.status in OVER else WHILE_RUNNING_S,
     )
     groups = [
-        (said, [(one, strip(one, _same_kind(found.parameters, kind))) for one in _same_kind(found.parameters, kind)])
-        for kind, said in KINDS.items()
+        (heading, [(one, strip(one, _same_kind(found.parameters, kind))) for one in _same_kind(found.parameters, kind)])
+        for kind, heading in KINDS.items()
     ]  # fmt: skip
-    return {"found": found, "groups": [(said, rows) for said, rows in groups if rows]}
+    return {"found": found, "groups": [(heading, rows) for heading, rows in groups if rows]}
 
 
 def _same_kind(parameters: Sequence[Parameter], kind: str) -> list[Parameter]:

@@ -24,7 +24,7 @@ def peers_page(scale: str, out: Path, command: str, tell: Callable[[str], None])
     found = timed(rounds, rollouts, out / "peers", tell)
     rows = []
     for one in found:
-        rows.append((one.name, _said(one.speed), one.failed or one.what))
+        rows.append((one.name, _speed_text(one.speed), one.failed or one.what))
     return Page(
         f"peers-{scale}",
         f"Beside other simulators ({scale})",
@@ -49,7 +49,7 @@ def peers_page(scale: str, out: Path, command: str, tell: Callable[[str], None])
     )
 
 
-def _said(speed: tuple[float, ...]) -> str:
+def _speed_text(speed: tuple[float, ...]) -> str:
     """Median and range."""
     if not speed:
         return "–"

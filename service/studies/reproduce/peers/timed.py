@@ -18,7 +18,7 @@ SCENARIO = "i80-paper-10s"
 SECONDS = 10
 HERE = Path(__file__).parent
 INSTALL_LIMIT_S, RUN_LIMIT_S = 3600, 1800
-TOLD = 300  # characters of what a program that failed said last
+MESSAGE_CHARS = 300  # characters of what a program that failed said last
 
 
 class Peer(msgspec.Struct, frozen=True):
@@ -60,12 +60,12 @@ def timed(rounds: int, rollouts: int, folder: Path, tell: Callable[[str], None])
             ours[ego].append(_own(ego, rollouts))
         for peer in PEERS:
             if not ready[peer.name]:
-                speed, said = _run(peer, folder)
+                speed, message = _run(peer, folder)
                 theirs.setdefault(peer.name, []).extend(speed)
                 if speed:
-                    what[peer.name] = said
+                    what[peer.name] = message
                 else:
-                    ready[peer.name] = said
+                    ready[peer.name] = message
     found = [Timed(name=f"tailroad, ego {ego}", what="SUMO in the loop, drivers' networks, lidar, time to collision",
                    speed=tuple(s)) for ego, s in ours.items()]  # fmt: skip
     for peer in PEERS:
@@ -110,8 +110,8 @@ def _run(peer: Peer, folder: Path) -> tuple[list[float], str]:
     failed, output = _failed([str(python), str(HERE / peer.script), "5", str(SECONDS)], RUN_LIMIT_S)
     if failed:
         return [], f"cannot be run: {failed}"
-    said = json.loads(output.splitlines()[-1])
-    return [float(np.median(np.array(said["sim_s"]) / np.array(said["core_s"])))], said["what"]
+    result = json.loads(output.splitlines()[-1])
+    return [float(np.median(np.array(result["sim_s"]) / np.array(result["core_s"])))], result["what"]
 
 
 def _failed(command: list[str], limit_s: float) -> tuple[str, str]:
@@ -119,7 +119,7 @@ def _failed(command: list[str], limit_s: float) -> tuple[str, str]:
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=limit_s, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
-        return str(error)[:TOLD], ""
+        return str(error)[:MESSAGE_CHARS], ""
     if done.returncode:
-        return (done.stderr.strip() or f"exit code {done.returncode}")[-TOLD:].replace("\n", " "), ""
+        return (done.stderr.strip() or f"exit code {done.returncode}")[-MESSAGE_CHARS:].replace("\n", " "), ""
     return "", done.stdout

@@ -11,7 +11,7 @@ from ce.interval import clopper_pearson
 from service.analysis.comparison.compare import change_of, comparison_of
 from service.analysis.comparison.differences import bounds_of
 from service.analysis.comparison.objects import Comparison, Pair
-from service.analysis.comparison.words import said_of
+from service.analysis.comparison.words import pair_summary
 from service.analysis.report.comparison import write_comparison
 from service.errors import InputError
 from service.evaluation.job import Problem, make_job
@@ -93,7 +93,7 @@ def test_the_words_name_what_is_clear_and_count_what_is_not(compared, pair):
     mode = pair.modes[0]
     modes = [msgspec.structs.replace(mode, name=name, change=change) for name, change in
              (("cut in", "appeared"), ("boxed in", "unclear"), ("rear end", "unclear"))]  # fmt: skip
-    said = said_of(compared.sides, pair.difference, modes, "f <= 1.5 s", 0.95)
+    said = pair_summary(compared.sides, pair.difference, modes, "f <= 1.5 s", 0.95)
     assert "p(f <= 1.5 s) is" in said
     assert "Ways to fail met in lidar only: cut in." in said
     assert "In the 2 other ways to fail they are not distinguishable." in said

@@ -5,7 +5,7 @@ import pytest
 
 import ce
 from service.analysis.failures.find import find_failures
-from service.analysis.failures.rerun import Again, Rerunner
+from service.analysis.failures.rerun import Rerun, Rerunner
 from service.errors import InputError
 from service.evaluation.evaluate import evaluate
 from service.evaluation.job import Problem, make_job
@@ -38,7 +38,7 @@ class StandIn(Rerunner):
 
     def run(self, drawn, traced=(), on_done=lambda count: None):
         return [
-            Again(float(made_up_f(x[None])[0]), "horizon", None, motion=REAR_END if x[8] > x[0] else PASS)
+            Rerun(float(made_up_f(x[None])[0]), "horizon", None, motion=REAR_END if x[8] > x[0] else PASS)
             for x, _ in drawn
         ]
 
@@ -84,6 +84,6 @@ def test_failures_of_every_method_are_those_it_met(record):
     if record.job.method == "splitting":
         assert any("Markov chains" in note for note in failures.notes)
         assert sum(f.share for f in failures.failures) <= 1.0 + 1e-9
-        harmless = next(k for k in record.told if ("train", k[1], 0) not in record.explicit)
+        harmless = next(k for k in record.explicit_batches if ("train", k[1], 0) not in record.explicit)
         with pytest.raises(InputError, match="neither dangerous nor failed"):
             record.redraw("train", harmless[1], 0)

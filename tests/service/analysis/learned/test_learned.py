@@ -9,7 +9,7 @@ import pytest
 
 import ce
 from service.analysis.failures.driving import Driving
-from service.analysis.failures.rerun import Again, Rerunner
+from service.analysis.failures.rerun import Rerun, Rerunner
 from service.analysis.learned.behaviours import KINDS, Driven, rate_of
 from service.analysis.learned.learn import learned_of
 from service.analysis.learned.objects import Learned, Rate
@@ -29,7 +29,7 @@ class Hurried(Rerunner):
 
     def run(self, drawn, traced=(), on_done=lambda count: None):
         return [
-            Again(
+            Rerun(
                 1.0,
                 "horizon",
                 None,

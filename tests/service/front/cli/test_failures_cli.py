@@ -41,7 +41,7 @@ def test_compare_runs_both_on_the_same_draws(compared):
     assert pair.difference.paired
     assert pair.draws is not None
     assert sum(msgspec.to_builtins(pair.draws).values()) == 30
-    assert html.escape(pair.said) in (folder / "both.html").read_text(encoding="utf-8")
+    assert html.escape(pair.summary) in (folder / "both.html").read_text(encoding="utf-8")
 
 
 def test_compare_reads_two_runs(compared):
@@ -110,7 +110,7 @@ def test_the_report_tells_how_it_fails_and_the_risk(compared, tmp_path):
     facts = json.loads((tmp_path / "report.json").read_text())
     html = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert facts["risk"]["baseline"]["source"] == "our fleet"
-    assert facts["risk"]["said"] in html
+    assert facts["risk"]["summary"] in html
     assert sum(m["share"] for m in facts["failure_modes"]["modes"]) == pytest.approx(1.0)
     for mode in facts["failure_modes"]["modes"]:
         assert mode["name"] in html

@@ -184,7 +184,7 @@ def test_two_jobs_are_compared(page, ended: tuple[str, str]):
 
 def test_the_risk_is_said_with_its_interval_and_beside_ones_own_baseline(page, ended: tuple[str, str]):
     page.goto(f"/jobs/{ended[0]}/risk?baseline=own&rate=2.5&source=our+fleet")
-    said = page.locator(".said")
+    said = page.locator(".summary")
     said.wait_for()
     assert "interval" in said.inner_text()
     page.get_by_text("our fleet").wait_for()

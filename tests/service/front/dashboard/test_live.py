@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 
 from service.front.dashboard.link import Link
-from service.front.dashboard.live import REMEMBERED, Live, Rates, Told
+from service.front.dashboard.live import REMEMBERED, EventLog, Live, Rates
 
 
 def test_a_mark_leads_to_what_was_told_after_it():
-    told = Told()
+    told = EventLog()
     told.add("j1", "status")
     mark = told.mark
     assert told.since(mark) == []
@@ -27,13 +27,13 @@ def test_a_mark_leads_to_what_was_told_after_it():
     "mark", ["", "-", "x-1", "{run}-2", "{run}--1", "{run}-1x", "{run}-" + "9" * 400, "{run}-²"]
 )
 def test_a_mark_that_leads_nowhere_is_told_apart(mark: str):
-    told = Told()
+    told = EventLog()
     told.add("j1", "status")
     assert told.since(mark.replace("{run}", told.mark.partition("-")[0])) is None
 
 
 def test_a_mark_too_long_ago_leads_nowhere():
-    told = Told()
+    told = EventLog()
     mark = told.mark
     for _ in range(REMEMBERED):
         told.add("j1", "progress")

@@ -21,9 +21,9 @@ from service.analysis.comparison.objects import (
     Pairs,
     Side,
 )
+from service.analysis.estimate_parts import EstimateWarning, Rollouts
 from service.analysis.failures.playback import Playback, RoadLine, Track
 from service.analysis.learned.objects import Behaviour, Learned, Parameter, Rate, Spread
-from service.analysis.told import EstimateWarning, Rollouts
 from service.front.dashboard.live import Live, Rates
 from service.front.dashboard.pages import compare, failures, fleet, job, jobs, learned, risk, rollout
 from service.front.dashboard.site import Part, Site
@@ -131,7 +131,7 @@ WORKER = O.Worker(
     rollouts=30,
     worker_s=9.0,
     quarantine="",
-    now=(O.Doing(job="j1", phase="train", iteration=0, rows=9, audit=True, for_s=1.5),),
+    now=(O.RunningChunk(job="j1", phase="train", iteration=0, rows=9, audit=True, for_s=1.5),),
 )
 SPREAD = Spread(mean=1.0, sd=1.0, q05=-1.0, q25=0.5, q50=1.0, q75=1.5, q95=3.0)
 LEARNED = Learned(
@@ -236,6 +236,7 @@ RISK = {
     "baseline": {"name": EVIL, "per_million_km": 1.1, "source": EVIL},
     "times_baseline": 8.0,
     "times_baseline_ci": [1.0, None],
+    "summary": EVIL,
     "said": EVIL,
     "assumptions": [EVIL],
 }

@@ -1,4 +1,4 @@
-"""Parts of what is told of an estimate, the same over the API and in reports."""
+"""Parts of an estimate as JSON objects, the same over the API and in reports."""
 
 import msgspec
 
