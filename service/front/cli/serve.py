@@ -13,7 +13,7 @@ from service.front.cli.dashboard import DEFAULT_ADDRESS, OFF, address_or_off
 from service.front.cli.options import core_count
 
 if TYPE_CHECKING:
-    from service.remote.fleet.kept import Kept
+    from service.remote.fleet.supervised import SupervisedProcess
 
 WORKER_DRAIN_S, DASHBOARD_DRAIN_S = 60.0, 5.0  # what each is given to end
 ANYWHERE = ("0.0.0.0", "[::]")
@@ -159,19 +159,19 @@ def _checked_procs(workers: int | None, zenoh_config: str | None, worker_config:
     return 0
 
 
-def _local_worker(endpoint: str, procs: int, zenoh_config: str | None) -> "Kept":
+def _local_worker(endpoint: str, procs: int, zenoh_config: str | None) -> "SupervisedProcess":
     """Its processes fill the cores themselves, so that the linear algebra of each takes one thread."""
-    from service.remote.fleet.kept import Kept
+    from service.remote.fleet.supervised import SupervisedProcess
 
     arguments = ["worker", "--connect", endpoint, "--procs", str(procs), *_configured(zenoh_config)]
-    return Kept("the local worker", arguments, WORKER_DRAIN_S, {"OPENBLAS_NUM_THREADS": "1"})
+    return SupervisedProcess("the local worker", arguments, WORKER_DRAIN_S, {"OPENBLAS_NUM_THREADS": "1"})
 
 
-def _dashboard(endpoint: str, address: str, zenoh_config: str | None) -> "Kept":
-    from service.remote.fleet.kept import Kept
+def _dashboard(endpoint: str, address: str, zenoh_config: str | None) -> "SupervisedProcess":
+    from service.remote.fleet.supervised import SupervisedProcess
 
     arguments = ["dashboard", "--connect", endpoint, "--address", address, *_configured(zenoh_config)]
-    return Kept("the dashboard", arguments, DASHBOARD_DRAIN_S, final=(2,))
+    return SupervisedProcess("the dashboard", arguments, DASHBOARD_DRAIN_S, final=(2,))
 
 
 def _configured(zenoh_config: str | None) -> list[str]:

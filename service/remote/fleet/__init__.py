@@ -2,6 +2,6 @@
 
 Scheduler (scheduler.py)    a state machine: events in, instructions out; no clock, no network, no disk
 Hub (hub.py)                carries the instructions out: database, statistics, replies
-Link (link.py)              the scheduler's side of Zenoh
+HubLink (zenoh_link.py)     the scheduler's side of Zenoh
 Worker (worker.py)          asks for chunks, runs them in processes of its own, answers
 """

@@ -6,8 +6,8 @@ A request is a number for somebody who waits for an answer; the hub knows who.
 from dataclasses import dataclass, field
 
 from service.evaluation.store import Chunk, Origin
+from service.remote.fleet.batch_step import BatchStep, IterationRecord, Replay
 from service.remote.fleet.messages import Answer, Ask, Bye, Failed, Hello, Reply
-from service.remote.fleet.turns import IterationRecord, Replay, Turn
 
 # -- events: what has happened -------------------------------------------------------------------------------
 
@@ -71,8 +71,8 @@ class Resumed:
 
 
 @dataclass(frozen=True)
-class Said:
-    """A worker said something and waits for the reply; chunk: of an Answer, checked."""
+class Requested:
+    """A worker's message, to which it waits for a reply; chunk: of an Answer, checked."""
 
     request: int
     message: Hello | Ask | Answer | Failed | Bye
@@ -81,7 +81,7 @@ class Said:
 
 @dataclass(frozen=True)
 class Garbled:
-    """A worker said something that cannot be read or cannot be true."""
+    """A worker's message that cannot be read or cannot be true."""
 
     worker: str
     reason: str
@@ -127,7 +127,7 @@ class Tick:
 
 
 Event = (
-    Submitted | Opened | Stepped | Broken | Cancelled | Paused | Resumed | Said | Garbled | Gone | Recorded
+    Submitted | Opened | Stepped | Broken | Cancelled | Paused | Resumed | Requested | Garbled | Gone | Recorded
     | StoreTrouble | StoreWell | Voided | Tick
 )  # fmt: skip
 
@@ -145,11 +145,11 @@ class Open:
 
 @dataclass(frozen=True)
 class Step:
-    """Let the algorithm take in the turn's batch; answer with Stepped or Broken."""
+    """Let the algorithm take in the step's batch; answer with Stepped or Broken."""
 
     job: str
     generation: int
-    turn: Turn
+    step: BatchStep
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ class SetStatus:
 
 
 @dataclass(frozen=True)
-class Tell:
+class Publish:
     """Something about a job that whoever watches it wants to know; kept: for later, too."""
 
     job: str
@@ -221,4 +221,4 @@ class Quarantine:
     reason: str
 
 
-Instruction = Open | Step | Record | Send | SetStatus | Tell | Note | Confirm | Quarantine
+Instruction = Open | Step | Record | Send | SetStatus | Publish | Note | Confirm | Quarantine

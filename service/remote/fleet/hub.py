@@ -100,7 +100,7 @@ class Hub:
         self._requests: dict[int, Callable[[bytes], None]] = {}
         self._last_request = 0
         self._request_lock = threading.Lock()
-        self._writes: deque[tuple[str, Any]] = deque()
+        self._writes: deque[E.Instruction] = deque()
         self._trouble_until: float | None = None
         self._listeners: list[Callable[[Event], None]] = []
         self._pool = ThreadPoolExecutor(statistics_threads, thread_name_prefix="statistics")
@@ -153,8 +153,8 @@ class Hub:
     def gone(self, worker: str) -> None:
         self.post(E.Gone(worker))
 
-    def hear(self, worker: str, kind: str, data: bytes, answer: Callable[[bytes], None]) -> None:
-        """What `worker` said; `answer` is called once with the reply, at once or later."""
+    def receive(self, worker: str, kind: str, data: bytes, answer: Callable[[bytes], None]) -> None:
+        """A message of `worker`; `answer` is called once with the reply, at once or later."""
         try:
             message = decode_request(data)
             if message.worker != worker:
@@ -166,15 +166,15 @@ class Hub:
             answer(encode(Refused(str(error))))
             return
         if isinstance(message, GetJob):
-            self._pool.submit(self._tell_job, message.job, answer)
+            self._pool.submit(self._send_job, message.job, answer)
             return
         with self._request_lock:
             self._last_request += 1
             number = self._last_request
             self._requests[number] = answer
-        self.post(E.Said(number, message, chunk))
+        self.post(E.Requested(number, message, chunk))
 
-    def _tell_job(self, job: str, answer: Callable[[bytes], None]) -> None:
+    def _send_job(self, job: str, answer: Callable[[bytes], None]) -> None:
         reply: Reply
         try:
             problem = self.statistics.problem(job)
@@ -189,7 +189,7 @@ class Hub:
 
     def _run(self) -> None:
         try:
-            self._take_turns()
+            self._work()
         except (
             BaseException
         ):  # a panic of Zenoh's is no Exception; without this thread the service only looks alive
@@ -211,7 +211,7 @@ class Hub:
                         StoreError("the scheduler has ended; start the service again")
                     )
 
-    def _take_turns(self) -> None:
+    def _work(self) -> None:
         next_tick = self._time.now()
         while not self._stopping:
             for event in self._collect():
@@ -249,17 +249,18 @@ class Hub:
         return job in self._scheduler.jobs
 
     def _do(self, instruction: E.Instruction) -> None:
-        if isinstance(instruction, E.Send):
-            answer = self._requests.pop(instruction.request)
-            answer(encode(instruction.reply))
-        elif isinstance(instruction, E.Open):
-            self._pool.submit(self._open, instruction)
-        elif isinstance(instruction, E.Step):
-            self._pool.submit(self._step, instruction)
-        elif isinstance(instruction, E.Tell) and not instruction.kept:
-            self._publish(Event(instruction.job, 0, instruction.kind, instruction.body, ""))
-        else:
-            self._writes.append((type(instruction).__name__, instruction))
+        match instruction:
+            case E.Send():
+                answer = self._requests.pop(instruction.request)
+                answer(encode(instruction.reply))
+            case E.Open():
+                self._pool.submit(self._open, instruction)
+            case E.Step():
+                self._pool.submit(self._step, instruction)
+            case E.Publish(kept=False):
+                self._publish(Event(instruction.job, 0, instruction.kind, instruction.body, ""))
+            case _:
+                self._writes.append(instruction)
 
     def _publish(self, event: Event) -> None:
         for listener in self._listeners:
@@ -284,7 +285,7 @@ class Hub:
     def _step(self, instruction: E.Step) -> None:
         job, generation = instruction.job, instruction.generation
         try:
-            replay = self.statistics.step(job, instruction.turn)
+            replay = self.statistics.step(job, instruction.step)
         except Stopping:
             return
         except Exception as error:  # as above
@@ -325,42 +326,56 @@ class Hub:
             self._handle(E.StoreWell())
 
     def _write_next(self) -> None:
-        kind, first = self._writes[0]
-        if kind == "Record":
-            group: list[E.Record] = []
-            for other, instruction in self._writes:
-                if other != "Record" or len(group) == GROUP:
-                    break
-                group.append(instruction)
-            self.store.append((r.job, r.phase, r.iteration, r.chunk, r.origin) for r in group)
-            self._written(len(group))
-            self._handle(E.Recorded(tuple(r.ticket for r in group)))
-        elif kind == "SetStatus":
-            body = {"status": first.status, "reason": first.reason}
-            event = self.store.add_event(first.job, "status", body)
-            self._written()
-            self._publish(event)
-            if first.status not in OPEN:
-                self.statistics.end(first.job)
-                if first.status == "done" and not self._stopping:
-                    self._pool.submit(self._keep, first.job)
-        elif kind == "Tell":
-            event = self.store.add_event(first.job, first.kind, first.body)
-            self._written()
-            self._publish(event)
-        elif kind == "Note":
-            self.store.add_iterations(first.job, first.epoch, first.first, list(first.records))
-            self._written()
-        elif kind == "Confirm":
-            row = AuditRow(first.job, first.phase, first.iteration, first.start, first.epoch, first.worker)
-            self.store.add_audits([row])
-            self._written()
-        elif kind == "Quarantine":
-            jobs = self.store.quarantine(first.worker, first.reason)
-            self._written()
-            log.warning("worker %s is in quarantine: %s", first.worker, first.reason)
-            self._handle(E.Voided(first.worker, tuple(jobs)))
-            self._reopen(jobs, first.worker)
+        match self._writes[0]:
+            case E.Record():
+                self._write_records()
+            case E.SetStatus() as status:
+                self._write_status(status)
+            case E.Publish() as news:
+                event = self.store.add_event(news.job, news.kind, news.body)
+                self._written()
+                self._publish(event)
+            case E.Note() as note:
+                self.store.add_iterations(note.job, note.epoch, note.first, list(note.records))
+                self._written()
+            case E.Confirm() as one:
+                self.store.add_audits(
+                    [AuditRow(one.job, one.phase, one.iteration, one.start, one.epoch, one.worker)]
+                )
+                self._written()
+            case E.Quarantine() as wrong:
+                self._write_quarantine(wrong)
+            case other:
+                raise TypeError(f"{other!r} is nothing for the database")
+
+    def _write_records(self) -> None:
+        """All chunks that wait one after the other, in one transaction."""
+        group: list[E.Record] = []
+        for instruction in self._writes:
+            if not isinstance(instruction, E.Record) or len(group) == GROUP:
+                break
+            group.append(instruction)
+        self.store.append((r.job, r.phase, r.iteration, r.chunk, r.origin) for r in group)
+        self._written(len(group))
+        self._handle(E.Recorded(tuple(r.ticket for r in group)))
+
+    def _write_status(self, instruction: E.SetStatus) -> None:
+        job, status = instruction.job, instruction.status
+        event = self.store.add_event(job, "status", {"status": status, "reason": instruction.reason})
+        self._written()
+        self._publish(event)
+        if status not in OPEN:
+            self.statistics.end(job)
+            if status == "done" and not self._stopping:
+                self._pool.submit(self._keep, job)
+
+    def _write_quarantine(self, instruction: E.Quarantine) -> None:
+        worker, reason = instruction.worker, instruction.reason
+        jobs = self.store.quarantine(worker, reason)
+        self._written()
+        log.warning("worker %s is in quarantine: %s", worker, reason)
+        self._handle(E.Voided(worker, tuple(jobs)))
+        self._reopen(jobs, worker)
 
     def _written(self, count: int = 1) -> None:
         for _ in range(count):

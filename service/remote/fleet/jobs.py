@@ -7,21 +7,44 @@ import numpy as np
 
 import ce
 from service.evaluation.store import Chunk
+from service.remote.fleet.batch_step import BatchStep
 from service.remote.fleet.events import Submitted
 from service.remote.fleet.messages import ChunkKey, Drawn, Explicit
 from service.remote.fleet.pending import Pending, Range
 from service.remote.fleet.policy import Policy
-from service.remote.fleet.turns import Turn
 
 TIMING_MEMORY = 0.8  # weight of what was known of a rollout's time when another chunk is timed
 
 
 class Phase(Enum):
-    WAITING = "waiting"  # for memory that other jobs hold
-    OPENING = "opening"  # its record is being replayed
-    WORKING = "working"  # its batch is being run
-    STEPPING = "stepping"  # the algorithm takes in a batch
-    SETTLING = "settling"  # finished but for open audits
+    """Where a job that is not over stands.
+
+    phase       what is going on                       left, for what, with which event
+    WAITING     other jobs hold the memory it needs    OPENING: it is its turn (Submitted, Resumed, another job's end)
+    OPENING     its record is being replayed           WORKING or SETTLING: Opened
+    WORKING     its batch is being run                 STEPPING: Recorded, with the batch's last rows
+    STEPPING    the algorithm takes in a batch         WORKING or SETTLING: Stepped
+    SETTLING    finished but for open audits           over, done: the last of them is closed or cannot be run
+
+    Any phase but WAITING is left for OPENING, a generation later, with Voided. With Cancelled or Broken the job is
+    over, cancelled or failed, from any phase.
+    """
+
+    WAITING = "waiting"
+    OPENING = "opening"
+    WORKING = "working"
+    STEPPING = "stepping"
+    SETTLING = "settling"
+
+
+# the phases that a phase may be left for; any may be the last one
+NEXT_PHASES = {
+    Phase.WAITING: {Phase.OPENING},
+    Phase.OPENING: {Phase.WORKING, Phase.SETTLING, Phase.OPENING},
+    Phase.WORKING: {Phase.STEPPING, Phase.OPENING},
+    Phase.STEPPING: {Phase.WORKING, Phase.SETTLING, Phase.OPENING},
+    Phase.SETTLING: {Phase.OPENING},
+}
 
 
 @dataclass
@@ -43,7 +66,7 @@ class JobState:
     paused: bool = False
     spent_s: float = 0.0  # worker time over weight
     row_s: float | None = None  # worker time of a rollout
-    turn: Turn | None = None
+    step: BatchStep | None = None
     f: np.ndarray = field(default_factory=lambda: np.zeros(0))
     left: int = 0  # rows of the batch that are not in the record
     rollouts: int = 0  # in the record, of all batches
@@ -55,44 +78,44 @@ class JobState:
     refused: dict[str, str] = field(default_factory=dict)  # workers that cannot run it, and why
     known: set[str] = field(default_factory=set)  # workers of which a chunk was audited
     waiting: bool = False  # for a worker that decides a dispute, and has said so
-    told_at: float = 0.0
-    told: int = -1
+    reported_at: float = 0.0  # progress, and how far it was
+    reported: int = -1
 
     @property
     def id(self) -> str:
         return self.submitted.job
 
     @property
-    def _turn(self) -> Turn:
-        assert self.turn is not None
-        return self.turn
+    def _present_step(self) -> BatchStep:
+        assert self.step is not None
+        return self.step
 
     @property
     def batch(self) -> ce.Batch:
         """The open batch."""
-        assert self._turn.batch is not None
-        return self._turn.batch
+        assert self._present_step.batch is not None
+        return self._present_step.batch
 
-    def begin(self, turn: Turn) -> None:
-        """Take up a turn with an open batch."""
-        assert turn.batch is not None
+    def begin(self, step: BatchStep) -> None:
+        """Take up a step with an open batch."""
+        assert step.batch is not None
         self.phase = Phase.WORKING
-        self.turn = turn
-        self.f = turn.f.copy()
-        self.left = int(np.count_nonzero(~turn.done))
-        self.pending = Pending(turn.done, turn.batch.start)
+        self.step = step
+        self.f = step.f.copy()
+        self.left = int(np.count_nonzero(~step.done))
+        self.pending = Pending(step.done, step.batch.start)
         self.flights = {}
         self.answers = {}
 
-    def end_batch(self) -> Turn:
-        """The turn with the batch's f, complete."""
+    def end_batch(self) -> BatchStep:
+        """The step with the batch's f, complete."""
         self.phase = Phase.STEPPING
         self.answers = {}
-        return replace(self._turn, f=self.f, done=np.ones(self.f.size, dtype=bool))
+        return replace(self._present_step, f=self.f, done=np.ones(self.f.size, dtype=bool))
 
     def key(self, chunk: Range) -> ChunkKey:
         batch = self.batch
-        digest = self._turn.digest(chunk.start, chunk.stop)
+        digest = self._present_step.digest(chunk.start, chunk.stop)
         return ChunkKey(self.id, batch.phase, batch.iteration, chunk.start, chunk.stop, digest)
 
     def is_of_batch(self, key: ChunkKey) -> bool:

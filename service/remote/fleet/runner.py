@@ -17,6 +17,7 @@ from service.errors import TailroadError
 from service.evaluation.job import Problem
 from service.evaluation.pool import Work, run_chunk, watch_parent
 from service.remote.fleet.answers import answer_of
+from service.remote.fleet.batch_step import row_hashes, rows_digest
 from service.remote.fleet.messages import (
     Answer,
     ChunkKey,
@@ -29,7 +30,6 @@ from service.remote.fleet.messages import (
     decode_request,
     encode,
 )
-from service.remote.fleet.turns import row_hashes, rows_digest
 from service.remote.fleet.versions import differing
 from service.world.sim.rollout import Simulator
 

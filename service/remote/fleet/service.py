@@ -117,8 +117,8 @@ class Fleet:
 
     def jobs(self, after: int = 0, limit: int = 100) -> list[JobView]:
         """Jobs in the order of submission, those after number `after`."""
-        told = self._progress()
-        return [self._view(row, told) for row in self._store.jobs(after, limit)]
+        progress = self._progress()
+        return [self._view(row, progress) for row in self._store.jobs(after, limit)]
 
     def job(self, job: str) -> JobView:
         """NoSuchJob for a job that there is not; so do all that follow."""
@@ -130,14 +130,14 @@ class Fleet:
 
     def cancel(self, job: str) -> None:
         """End a job for good; one that is over stays as it is."""
-        self._tell(job, E.Cancelled(job))
+        self._post(job, E.Cancelled(job))
 
     def pause(self, job: str) -> None:
         """Run none of the job's rollouts until `resume`."""
-        self._tell(job, E.Paused(job))
+        self._post(job, E.Paused(job))
 
     def resume(self, job: str) -> None:
-        self._tell(job, E.Resumed(job))
+        self._post(job, E.Resumed(job))
 
     # -- what they come to -----------------------------------------------------------------------------------
 
@@ -217,13 +217,13 @@ class Fleet:
             raise NoSuchJob(job)
         return row
 
-    def _tell(self, job: str, event: E.Event) -> None:
+    def _post(self, job: str, event: E.Event) -> None:
         self._row(job)
         self._hub.post(event)
 
     def _estimate(self, job: str, gamma: float | None, confidence: float | None) -> ce.Estimate:
-        problem, turn = self._hub.statistics.last(job)
-        found = problem.algorithm.estimate(turn.state)
+        problem, step = self._hub.statistics.last(job)
+        found = problem.algorithm.estimate(step.state)
         if confidence is not None:
             if not 0.0 < confidence < 1.0:
                 raise InputError(f"confidence {confidence}: give a number between 0 and 1")
@@ -237,8 +237,8 @@ class Fleet:
     def _progress(self) -> dict[str, tuple[int, int, dict[str, str]]]:
         return self._hub.call(_progress).result()
 
-    def _view(self, row: JobRow, told: dict[str, tuple[int, int, dict[str, str]]]) -> JobView:
-        rollouts, leases, refusals = told.get(row.id, (None, 0, {}))
+    def _view(self, row: JobRow, progress: dict[str, tuple[int, int, dict[str, str]]]) -> JobView:
+        rollouts, leases, refusals = progress.get(row.id, (None, 0, {}))
         job = row.job
         return JobView(row.id, row.number, row.label, job.scenario.name, job.ego, job.gamma,
                        measure_kind(job.scenario.safety.measure).unit, job.method, job.options,

@@ -31,7 +31,7 @@ def router_session(listen: list[str], config_file: str | None = None) -> zenoh.S
                 f"cannot listen on {where}: another program listens there, perhaps another `tailroad serve`; stop it, "
                 "or give another --listen"
             ) from error
-        raise SessionError(f"cannot listen on {where}: {_said(error)}; check the address") from error
+        raise SessionError(f"cannot listen on {where}: {_cause(error)}; check the address") from error
 
 
 def client_session(
@@ -47,7 +47,7 @@ def client_session(
         return zenoh.open(config)
     except zenoh.ZError as error:
         raise SessionError(
-            f"cannot connect to {', '.join(connect)}: {_said(error)}; check the address, and whether `tailroad serve` "
+            f"cannot connect to {', '.join(connect)}: {_cause(error)}; check the address, and whether `tailroad serve` "
             "runs there"
         ) from error
 
@@ -64,6 +64,6 @@ def _config(config_file: str | None) -> zenoh.Config:
     return config
 
 
-def _said(error: zenoh.ZError) -> str:
+def _cause(error: zenoh.ZError) -> str:
     """What Zenoh says, without the places in its sources."""
     return re.sub(r" at [^ ]+\.rs:\d+\.", "", str(error)).strip(" .")

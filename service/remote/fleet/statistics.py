@@ -18,8 +18,8 @@ from service.evaluation.job import Problem
 from service.evaluation.store import Chunk, Origin
 from service.evaluation.store.jobs import JobStore, Mark
 from service.evaluation.store.states import KeptState, LastState
+from service.remote.fleet.batch_step import BatchStep, ReadChunks, Replay, next_step, open_step
 from service.remote.fleet.errors import NoSuchJob
-from service.remote.fleet.turns import ReadChunks, Replay, Turn, next_turn, open_turn
 
 KEPT = 8  # jobs that the hub does not have at work and whose states are still in memory
 MOST_BYTES = 250_000_000  # of a state in the database; what is larger is replayed
@@ -36,13 +36,13 @@ class Stopping(StoreError):
 
 @dataclass(frozen=True)
 class _Read:
-    """A turn, without its batch, of a job that the hub does not have at work.
+    """The last step, without its batch, of a job that the hub does not have at work.
 
-    finished: the algorithm has nothing left to propose; mark: of the record that the turn is of, None where the hub has
+    finished: the algorithm has nothing left to propose; mark: of the record that the step is of, None where the hub has
     left it here: then it is finished, and nothing but a new epoch changes it.
     """
 
-    turn: Turn
+    step: BatchStep
     epoch: int
     finished: bool
     mark: Mark | None
@@ -52,14 +52,14 @@ class _Read:
 
 
 class Statistics:
-    """Problems and last turns of jobs; may be called from any thread."""
+    """Problems and last steps of jobs; may be called from any thread."""
 
     def __init__(self, store: JobStore):
         self._store = store
         self._lock = threading.Lock()
         self._reading: dict[str, threading.Lock] = {}  # a long record is replayed once for all who ask
         self._problems: OrderedDict[str, Problem] = OrderedDict()
-        self._open: dict[str, tuple[int, Turn]] = {}  # at work: epoch and turn
+        self._open: dict[str, tuple[int, BatchStep]] = {}  # at work: epoch and step
         self._read: OrderedDict[str, _Read] = OrderedDict()
         self._stopping = threading.Event()
 
@@ -89,14 +89,14 @@ class Statistics:
     def open(self, job: str) -> tuple[int, Replay]:
         """Replay the job's record; its epoch, and where the record takes it."""
         problem, epoch = self.problem(job), self._store.epoch(job)
-        replay = open_turn(problem.algorithm, problem.stream_seed, epoch, self._reader(job))
+        replay = open_step(problem.algorithm, problem.stream_seed, epoch, self._reader(job))
         self._enter(job, epoch, replay)
         return epoch, replay
 
-    def step(self, job: str, turn: Turn) -> Replay:
-        """Take in the turn's batch."""
+    def step(self, job: str, step: BatchStep) -> Replay:
+        """Take in the step's batch."""
         problem, epoch = self.problem(job), self._store.epoch(job)
-        replay = next_turn(problem.algorithm, turn, epoch, self._reader(job))
+        replay = next_step(problem.algorithm, step, epoch, self._reader(job))
         self._enter(job, epoch, replay)
         return replay
 
@@ -104,17 +104,17 @@ class Statistics:
         if replay.stale:
             self._store.void(job, replay.stale, epoch, "of rows that the job does not have any more")
         with self._lock:
-            known_epoch, known = self._open.get(job, (-1, replay.turn))
-            if epoch > known_epoch or (epoch == known_epoch and replay.turn.number >= known.number):
-                self._open[job] = epoch, replay.turn  # else it is an answer to a question of before
+            known_epoch, known = self._open.get(job, (-1, replay.step))
+            if epoch > known_epoch or (epoch == known_epoch and replay.step.number >= known.number):
+                self._open[job] = epoch, replay.step  # else it is an answer to a question of before
 
     def end(self, job: str) -> None:
         """The hub has the job at work no more. What it has finished is kept for a while; what it has not is read from
         the record when it is asked for."""
         with self._lock:
-            epoch, turn = self._open.pop(job, (0, None))
-            if turn is not None and turn.batch is None:
-                self._remember(job, _Read(turn, epoch, True, None))
+            epoch, step = self._open.pop(job, (0, None))
+            if step is not None and step.batch is None:
+                self._remember(job, _Read(step, epoch, True, None))
 
     def keep(self, job: str) -> None:
         """Write down what a job that is done has come to, where it is still at hand."""
@@ -125,7 +125,7 @@ class Statistics:
             record = self._store.chunks.digest(
                 job
             )  # if chunks are voided now, the epoch is not the present one
-            self._write_down(self.problem(job), job, known.epoch, record, known.turn)
+            self._write_down(self.problem(job), job, known.epoch, record, known.step)
 
     # -- for whoever asks ------------------------------------------------------------------------------------
 
@@ -137,8 +137,8 @@ class Statistics:
             known = self._read.get(job)
         return known is not None and known.is_of(self._store.mark(job))
 
-    def last(self, job: str) -> tuple[Problem, Turn]:
-        """The job's problem and its last turn: the hub's where that has the job at work, else what its record comes
+    def last(self, job: str) -> tuple[Problem, BatchStep]:
+        """The job's problem and its last step: the hub's where that has the job at work, else what its record comes
         to."""
         problem = self.problem(job)
         with self._lock:
@@ -146,10 +146,10 @@ class Statistics:
                 return problem, self._open[job][1]
             reading = self._reading.setdefault(job, threading.Lock())
         with reading:
-            turn = self._from_record(problem, job)
+            step = self._from_record(problem, job)
         with self._lock:
             self._reading.pop(job, None)
-        return problem, turn
+        return problem, step
 
     def heal(self) -> None:
         """Make sound the states that were kept before there were checksums: each is compared with what the job's chunks
@@ -162,7 +162,7 @@ class Statistics:
                     return
                 log.warning("job %s: the state kept of it cannot be checked, and is not used: %s", job, error)
 
-    def _from_record(self, problem: Problem, job: str) -> Turn:
+    def _from_record(self, problem: Problem, job: str) -> BatchStep:
         while True:
             mark = self._store.mark(job)
             with self._lock:
@@ -178,12 +178,12 @@ class Statistics:
                     continue  # chunks were voided meanwhile: what was read was of two epochs
             with self._lock:
                 self._remember(job, known)
-            return known.turn
+            return known.step
 
     def _replayed(self, problem: Problem, job: str, mark: Mark) -> _Read:
         """As far as the record goes; nothing is changed in it."""
-        replay = open_turn(problem.algorithm, problem.stream_seed, mark.epoch, self._reader(job))
-        return _Read(replay.turn, mark.epoch, replay.turn.batch is None, mark)
+        replay = open_step(problem.algorithm, problem.stream_seed, mark.epoch, self._reader(job))
+        return _Read(replay.step, mark.epoch, replay.step.batch is None, mark)
 
     def _ended(self, problem: Problem, job: str, mark: Mark) -> _Read:
         """Of a job that is over: its kept state where that is of the record, else replayed, and kept."""
@@ -193,13 +193,15 @@ class Statistics:
         if kept is not None and not wrong:
             try:
                 state = problem.algorithm.from_bytes(kept.last.state)
-                return _Read(Turn(kept.last.number, state, None), mark.epoch, mark.status == "done", mark)
+                return _Read(
+                    BatchStep(kept.last.number, state, None), mark.epoch, mark.status == "done", mark
+                )
             except StateError as error:
                 wrong = str(error)
         read = self._replayed(problem, job, mark)
-        self._write_down(problem, job, mark.epoch, record, read.turn)
+        self._write_down(problem, job, mark.epoch, record, read.step)
         if kept is not None:
-            _tell_healed(job, kept, wrong, read.turn.number, problem.algorithm.to_bytes(read.turn.state))
+            _log_healed(job, kept, wrong, read.step.number, problem.algorithm.to_bytes(read.step.state))
         return read
 
     def _wrong(self, kept: KeptState, mark: Mark, record: str) -> str:
@@ -213,18 +215,18 @@ class Statistics:
             return f"it is of {kept.last.number} batches, and the job has {batches}"
         return ""
 
-    def _write_down(self, problem: Problem, job: str, epoch: int, record: str, turn: Turn) -> None:
-        data = problem.algorithm.to_bytes(turn.state)
+    def _write_down(self, problem: Problem, job: str, epoch: int, record: str, step: BatchStep) -> None:
+        data = problem.algorithm.to_bytes(step.state)
         if len(data) > MOST_BYTES:
             return
         try:
-            self._store.states.keep(LastState(job, epoch, turn.number, record, data))
+            self._store.states.keep(LastState(job, epoch, step.number, record, data))
         except StoreError as error:
             log.warning("job %s: %s; its record will be replayed", job, error)
 
     def _remember(self, job: str, read: _Read) -> None:
         """Under the lock."""
-        self._read[job] = replace(read, turn=Turn(read.turn.number, read.turn.state, None))
+        self._read[job] = replace(read, step=BatchStep(read.step.number, read.step.state, None))
         self._read.move_to_end(job)
         while len(self._read) > KEPT:
             self._read.popitem(last=False)
@@ -238,7 +240,7 @@ class Statistics:
         return read
 
 
-def _tell_healed(job: str, kept: KeptState, wrong: str, batches: int, state: bytes) -> None:
+def _log_healed(job: str, kept: KeptState, wrong: str, batches: int, state: bytes) -> None:
     """What a kept state said that was not used, beside what the job's chunks come to."""
     if (kept.last.number, kept.last.state) == (batches, state):
         log.info("job %s: the state kept of it is what its record comes to; it has its checksum now", job)

@@ -42,20 +42,20 @@ class NotWanted(Exception):
 
 
 class Worker:
-    """`procs` slots. `tell` is given a line for each thing that whoever runs the worker should know."""
+    """`procs` slots. `report` is given a line for each thing that whoever runs the worker should know."""
 
     def __init__(
         self,
         name: str,
         capabilities: Capabilities,
         connection: Connection,
-        tell: Callable[[str], None],
+        report: Callable[[str], None],
         runner: Callable[[str], Runner] = Runner,
     ):
         self.name = name
         self._capabilities = capabilities
         self._connection = connection
-        self._tell = tell
+        self._report = report
         self._new_runner = runner
         self._stopping = threading.Event()
         self._refusal = ""
@@ -78,7 +78,7 @@ class Worker:
         self._stopping.wait()
         for _ in slots:
             self._idle.acquire()  # what is being run is run to its end and answered
-        self._say("bye", Bye(self.name), once=True)
+        self._request("bye", Bye(self.name), once=True)
         for slot in slots:
             slot.join()
         if self._refusal:
@@ -94,9 +94,9 @@ class Worker:
         bench = _SlotBench(self, index)
         try:
             while not self._stopping.is_set():
-                reply = self._say("work", Ask(self.name, index, bench.job))
+                reply = self._request("work", Ask(self.name, index, bench.job))
                 if isinstance(reply, Lease) and not self._stopping.is_set():
-                    self._say("answer", bench.run(reply), until_noted=True)
+                    self._request("answer", bench.run(reply), until_noted=True)
         finally:
             self._idle.release()
             bench.close()
@@ -104,15 +104,15 @@ class Worker:
     def _spec(self, job: str) -> JobSpec | str:
         """The job's specification, or why there is none."""
         if job not in self._specs:
-            reply = self._say("job", GetJob(self.name, job))
+            reply = self._request("job", GetJob(self.name, job))
             if not isinstance(reply, JobSpec):
                 return reply.reason if isinstance(reply, Refused) else "no answer"
             self._specs = {job: reply}  # one at a time is enough: slots mostly work on the same job
         return self._specs[job]
 
-    # -- talking ---------------------------------------------------------------------------------------------
+    # -- requests ---------------------------------------------------------------------------------------------
 
-    def _say(
+    def _request(
         self, kind: str, message: Request, once: bool = False, until_noted: bool = False
     ) -> Reply | None:
         """Say it until there is an answer that settles it; None where the worker stops without one.
@@ -142,22 +142,22 @@ class Worker:
     def _hello(self, greeted: int) -> bool:
         """Tell the scheduler who is here, unless another slot has since `greeted`; whether it knows."""
         with self._greeting:
-            pause_s, told = FIRST_PAUSE_S, False
+            pause_s, reported = FIRST_PAUSE_S, False
             while self._greeted == greeted and not self._refusal:
                 reply = self._connection.ask("hello", Hello(self.name, self._capabilities), PATIENCE_S)
                 if isinstance(reply, Welcome):
                     self._hold_s = reply.hold_s
                     self._greeted += 1
-                    self._tell(f"worker {self.name} is connected, {self._capabilities.procs} processes")
+                    self._report(f"worker {self.name} is connected, {self._capabilities.procs} processes")
                 elif isinstance(reply, Refused) and not reply.again:
                     self._refuse(reply.reason)
                 elif self._stopping.is_set():
                     return False
                 else:
-                    if not told:
+                    if not reported:
                         why = reply.reason if isinstance(reply, Refused) else "no scheduler answers"
-                        self._tell(f"worker {self.name}: {why}; trying on")
-                        told = True
+                        self._report(f"worker {self.name}: {why}; trying on")
+                        reported = True
                     self._stopping.wait(pause_s)
                     pause_s = min(2.0 * pause_s, LONGEST_PAUSE_S)
             return not self._refusal
@@ -188,12 +188,12 @@ class _SlotBench:
                 spec = self._worker._spec(key.job)
                 wrong = self._runner.open(spec) if isinstance(spec, JobSpec) else spec
                 if wrong:
-                    self._worker._tell(f"worker {name} refuses job {key.job}: {wrong}")
+                    self._worker._report(f"worker {name} refuses job {key.job}: {wrong}")
                     return Failed(name, lease.lease, key, wrong, refused=True)
             return self._runner.run(lease)
         except RunnerLost as error:
             self.close()
-            self._worker._tell(f"worker {name}, slot {self._index}: {error}")
+            self._worker._report(f"worker {name}, slot {self._index}: {error}")
             return Failed(name, lease.lease, key, str(error))
 
     def close(self) -> None:

@@ -67,7 +67,7 @@ class HubLink:
         if payload is None or len(payload) > MAX_BYTES:
             answer(encode(Refused(f"a message of 1 to {MAX_BYTES} bytes is wanted")))
         else:
-            self._hub.hear(worker, kind, payload.to_bytes(), answer)
+            self._hub.receive(worker, kind, payload.to_bytes(), answer)
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.DELETE:

@@ -22,6 +22,7 @@ from service.evaluation.job import Job, Problem
 from service.evaluation.store import Chunk
 from service.remote.fleet import events as E
 from service.remote.fleet.answers import answer_of, chunk_of
+from service.remote.fleet.batch_step import next_step, open_step
 from service.remote.fleet.messages import (
     Answer,
     Ask,
@@ -36,7 +37,6 @@ from service.remote.fleet.messages import (
 )
 from service.remote.fleet.policy import STANDARD, Policy
 from service.remote.fleet.scheduler import Scheduler
-from service.remote.fleet.turns import next_turn, open_turn
 
 LATENCY_S = 0.00025  # one way; a query through a router and back takes 0.5 ms (measured)
 MESSAGE_S = 0.0002  # of the scheduler's process, for Zenoh and the database
@@ -156,13 +156,13 @@ class _Fleet:
                     "job",
                     opened.generation,
                     0,
-                    open_turn(self._algorithm, self._problem.stream_seed, 0, _nothing),
+                    open_step(self._algorithm, self._problem.stream_seed, 0, _nothing),
                 )
             )
         elif isinstance(instruction, E.Step):
             step = instruction
             self._compute(
-                lambda: E.Stepped("job", step.generation, next_turn(self._algorithm, step.turn, 0, _nothing))
+                lambda: E.Stepped("job", step.generation, next_step(self._algorithm, step.step, 0, _nothing))
             )
         elif isinstance(instruction, E.Record):
             ticket = instruction.ticket
@@ -195,7 +195,7 @@ class _Fleet:
             chunk = chunk_of(read) if isinstance(read, Answer) else None
             number = next(self._numbers)
             self._requests[number] = (message.worker, hear)
-            self._handle(t, E.Said(number, read, chunk), time.thread_time() - began + MESSAGE_S)
+            self._handle(t, E.Requested(number, read, chunk), time.thread_time() - began + MESSAGE_S)
 
         self._at(now + LATENCY_S, arrive)
 

@@ -70,8 +70,8 @@ def right(job) -> ce.Estimate:
 
 def assert_same(fleet: LightFleet, job_id: str, right: ce.Estimate) -> None:
     """The bits of one process, and every rollout once in the record."""
-    problem, turn = fleet.hub.statistics.last(job_id)
-    found = problem.algorithm.estimate(turn.state)
+    problem, step = fleet.hub.statistics.last(job_id)
+    found = problem.algorithm.estimate(step.state)
     assert found.f.tobytes() == right.f.tobytes()
     assert (found.p, found.ci, found.rollouts) == (right.p, right.ci, right.rollouts)
     rows = [

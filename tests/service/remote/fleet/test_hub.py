@@ -13,10 +13,10 @@ from service.errors import StoreError
 from service.evaluation.job import make_job
 from service.evaluation.store.jobs import JobStore
 from service.evaluation.store.states import KeptState, LastState
+from service.remote.fleet.batch_step import open_step
 from service.remote.fleet.hub import Hub
 from service.remote.fleet.jobs import Phase
 from service.remote.fleet.statistics import KEPT
-from service.remote.fleet.turns import open_turn
 from tests.service.remote.fleet.light import LIMIT_S, LightFleet, LightWorker, light_fleet
 
 
@@ -39,7 +39,7 @@ def test_jobs_cancelled_while_they_are_opened_leave_nothing_behind(tmp_path, mak
         while last in statistics._open:  # its batch is as large as all the rest together
             assert time.monotonic() < deadline, "the batch of a job that is over is kept"
         assert fleet.fleet.estimate(last)["rollouts"]["total"] == 0
-        assert statistics._read[last].turn.batch is None
+        assert statistics._read[last].step.batch is None
 
 
 def kept_state(fleet: LightFleet, job: str) -> KeptState | None:
@@ -70,7 +70,7 @@ def test_what_a_done_job_came_to_outlives_the_service_without_a_replay(
         wait_kept(fleet, name)
     replayed = []
     monkeypatch.setattr(
-        "service.remote.fleet.statistics.open_turn", lambda *of: replayed.append(of) or open_turn(*of)
+        "service.remote.fleet.statistics.open_step", lambda *of: replayed.append(of) or open_step(*of)
     )
     with light_fleet(tmp_path) as fleet:
         assert not fleet.fleet.at_hand(name)

@@ -147,10 +147,10 @@ class AnyOrder(RuleBasedStateMachine):
     def an_earlier_tailroad_has_kept_a_state(self, data: st.DataObject) -> None:
         """Of wherever the job was when somebody asked, and with no checksum."""
         job = data.draw(st.sampled_from(sorted(self.world.jobs)))
-        _, turn = self.world.statistics.last(job)
-        state = ALGORITHMS[self.world.jobs[job]].to_bytes(turn.state)
+        _, step = self.world.statistics.last(job)
+        state = ALGORITHMS[self.world.jobs[job]].to_bytes(step.state)
         epoch = self.world.record.epoch(job)
-        last = LastState(job, epoch, turn.number, "", state)
+        last = LastState(job, epoch, step.number, "", state)
         self.world.record.states.setdefault((job, epoch), KeptState(last, False))
 
     def teardown(self) -> None:

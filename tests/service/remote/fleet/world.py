@@ -18,6 +18,8 @@ from service.evaluation.store import FAILED, Chunk
 from service.evaluation.store.jobs import OPEN
 from service.remote.fleet import events as E
 from service.remote.fleet.answers import answer_of, chunk_of
+from service.remote.fleet.batch_step import row_hashes, rows_digest
+from service.remote.fleet.jobs import NEXT_PHASES
 from service.remote.fleet.messages import (
     Answer,
     Ask,
@@ -31,7 +33,6 @@ from service.remote.fleet.messages import (
 from service.remote.fleet.policy import Policy
 from service.remote.fleet.scheduler import Scheduler
 from service.remote.fleet.statistics import Statistics
-from service.remote.fleet.turns import row_hashes, rows_digest
 from tests.service.remote.fleet.memory import MemoryStore, Record
 
 BASE = ce.Product([ce.Beta(2.0, 2.0), ce.Beta(2.0, 3.0)])
@@ -121,12 +122,18 @@ class World:
                 self.tell(E.Submitted(job, "idm", paused=status == "paused", held_bytes=1))
 
     def tell(self, event: E.Event) -> None:
-        for one in self.scheduler.handle(self.now, event):
+        before = {name: (job.phase, job.generation) for name, job in self.scheduler.jobs.items()}
+        instructions = self.scheduler.handle(self.now, event)
+        for name, (phase, generation) in before.items():
+            job = self.scheduler.jobs.get(name)
+            if job is not None and (job.phase, job.generation) != (phase, generation):
+                assert job.phase in NEXT_PHASES[phase]
+        for one in instructions:
             if isinstance(one, E.Send):
                 self._reply(self.requests.pop(one.request), one.reply)
             elif isinstance(one, E.Open | E.Step):
                 self.instructions.append(one)
-            elif not isinstance(one, E.Tell):
+            elif not isinstance(one, E.Publish):
                 self.writes.append(one)
 
     def _reply(self, slot: Slot | None, reply) -> None:
@@ -148,7 +155,7 @@ class World:
             epoch, replay = self.statistics.open(one.job)
             self.tell(E.Opened(one.job, one.generation, epoch, replay))
         else:
-            self.tell(E.Stepped(one.job, one.generation, self.statistics.step(one.job, one.turn)))
+            self.tell(E.Stepped(one.job, one.generation, self.statistics.step(one.job, one.step)))
         if one.job not in self.scheduler.jobs:
             self.statistics.end(one.job)
 
@@ -169,10 +176,10 @@ class World:
 
         self.record.on_read = on_read
         try:
-            _, turn = self.statistics.last(job)
+            _, step = self.statistics.last(job)
         finally:
             self.record.on_read = lambda: None
-        return bits(ALGORITHMS[self.jobs[job]].estimate(turn.state))
+        return bits(ALGORITHMS[self.jobs[job]].estimate(step.state))
 
     def write(self) -> None:
         """Carry out the first thing that waits for the database."""
@@ -203,7 +210,7 @@ class World:
     def say(self, message, slot: Slot | None = None, chunk: Chunk | None = None) -> None:
         self.last_request += 1
         self.requests[self.last_request] = slot
-        self.tell(E.Said(self.last_request, message, chunk))
+        self.tell(E.Requested(self.last_request, message, chunk))
 
     def join(self, worker: str, procs: int = 1, wrong: bool = False) -> None:
         for number in range(procs):

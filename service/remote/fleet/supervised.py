@@ -12,7 +12,7 @@ log = logging.getLogger("tailroad.serve")
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 30.0
 
 
-class Kept:
+class SupervisedProcess:
     """The `tailroad` command with these arguments and `--parent` with this process's id; `name`: in messages.
 
     drain_s: for what it is doing when it is told to stop; environment: beside this process's; final: exit codes after
@@ -33,10 +33,12 @@ class Kept:
         self._stopping = threading.Event()
         self._lock = threading.Lock()
         self._process: subprocess.Popen | None = None
-        self._thread = threading.Thread(target=self._keep, name=f"kept-{arguments[0]}", daemon=True)
+        self._thread = threading.Thread(
+            target=self._supervise, name=f"supervised-{arguments[0]}", daemon=True
+        )
         self._thread.start()
 
-    def _keep(self) -> None:
+    def _supervise(self) -> None:
         pause_s = FIRST_PAUSE_S
         while True:
             with self._lock:

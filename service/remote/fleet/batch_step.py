@@ -1,7 +1,7 @@
-"""A job's turn: the algorithm's state, the batch it proposes and what is known of its f.
+"""A job's batch step: the algorithm's state, the batch it proposes and what is known of that batch's f.
 
-This is `service.evaluation.evaluate` cut at the point where it waits for rollouts: `open_turn` replays the record as
-far as it goes, `next_turn` takes in an answered batch.
+This is `service.evaluation.evaluate` cut at the point where it waits for rollouts: `open_step` replays the record as
+far as it goes, `next_step` takes in an answered batch.
 """
 
 from collections.abc import Callable
@@ -20,10 +20,15 @@ IterationRecord = ce.TrainingRecord | ce.EstimationRecord
 
 
 @dataclass(frozen=True)
-class Turn:
-    """After `number` answered batches. f: (n,) of the batch, as far as `done` (n,); hashes: (n,) of its rows.
+class BatchStep:
+    """Where a job stands after some batches.
 
-    batch = None: the algorithm has finished.
+    number: of batches that are answered and taken in
+    state: of the algorithm after them
+    batch: that it proposes now; None: the algorithm has finished
+    f: (n,) of the batch, as far as it is known
+    done: (n,) where f is known
+    hashes: (n,) of the batch's rows
     """
 
     number: int
@@ -67,66 +72,68 @@ class Replay:
     """Where the recorded chunks take a job. records: of the batches answered on the way; rollouts: of theirs and the
     open batch's in the record; stale: chunks of rows that the batches do not have."""
 
-    turn: Turn
+    step: BatchStep
     records: tuple[IterationRecord, ...]
     rollouts: int
     stale: tuple[ChunkName, ...]
 
 
-def open_turn(algorithm: ce.Algorithm, seed: int, epoch: int, read: ReadChunks) -> Replay:
+def open_step(algorithm: ce.Algorithm, seed: int, epoch: int, read: ReadChunks) -> Replay:
     """The job from its beginning, as far as its record goes."""
-    return _replayed(algorithm, _turn(algorithm, 0, algorithm.init(seed)), epoch, read)
+    return _replayed(algorithm, _step_of(algorithm, 0, algorithm.init(seed)), epoch, read)
 
 
-def next_turn(algorithm: ce.Algorithm, turn: Turn, epoch: int, read: ReadChunks) -> Replay:
-    """From a turn whose batch is answered in full, as far as the record goes."""
-    after, record = _answered(algorithm, turn)
+def next_step(algorithm: ce.Algorithm, step: BatchStep, epoch: int, read: ReadChunks) -> Replay:
+    """From a step whose batch is answered in full, as far as the record goes."""
+    after, record = _answered(algorithm, step)
     later = _replayed(algorithm, after, epoch, read)
     return replace(later, records=(record, *later.records))
 
 
-def _replayed(algorithm: ce.Algorithm, turn: Turn, epoch: int, read: ReadChunks) -> Replay:
+def _replayed(algorithm: ce.Algorithm, step: BatchStep, epoch: int, read: ReadChunks) -> Replay:
     records: list[IterationRecord] = []
     stale: list[ChunkName] = []
     rollouts = 0
-    while turn.batch is not None:
-        turn, others = _filled(turn, epoch, read)
+    while step.batch is not None:
+        step, others = _filled(step, epoch, read)
         stale += others
-        rollouts += int(np.count_nonzero(turn.done))
-        if not turn.done.all():
+        rollouts += int(np.count_nonzero(step.done))
+        if not step.done.all():
             break
-        turn, record = _answered(algorithm, turn)
+        step, record = _answered(algorithm, step)
         records.append(record)
-    return Replay(turn, tuple(records), rollouts, tuple(stale))
+    return Replay(step, tuple(records), rollouts, tuple(stale))
 
 
-def _answered(algorithm: ce.Algorithm, turn: Turn) -> tuple[Turn, IterationRecord]:
-    assert turn.batch is not None
-    state, record = algorithm.update(turn.state, turn.batch, turn.f)
-    return _turn(algorithm, turn.number + 1, state), record
+def _answered(algorithm: ce.Algorithm, step: BatchStep) -> tuple[BatchStep, IterationRecord]:
+    assert step.batch is not None
+    state, record = algorithm.update(step.state, step.batch, step.f)
+    return _step_of(algorithm, step.number + 1, state), record
 
 
-def _turn(algorithm: ce.Algorithm, number: int, state: Any) -> Turn:
+def _step_of(algorithm: ce.Algorithm, number: int, state: Any) -> BatchStep:
     batch = algorithm.propose(state)
     if batch is None:
-        return Turn(number, state, None)
+        return BatchStep(number, state, None)
     n = batch.stop - batch.start
-    return Turn(number, state, batch, np.full(n, np.nan), np.zeros(n, bool), row_hashes(batch.x, batch.noise))
+    return BatchStep(
+        number, state, batch, np.full(n, np.nan), np.zeros(n, bool), row_hashes(batch.x, batch.noise)
+    )
 
 
-def _filled(turn: Turn, epoch: int, read: ReadChunks) -> tuple[Turn, list[ChunkName]]:
-    """The turn with what the record has of its batch, and the chunks that are of other rows than the batch's.
+def _filled(step: BatchStep, epoch: int, read: ReadChunks) -> tuple[BatchStep, list[ChunkName]]:
+    """The step with what the record has of its batch, and the chunks that are of other rows than the batch's.
 
     Those are from before an earlier chunk was voided. In the present epoch there can be none: StoreError.
     """
-    batch = turn.batch
+    batch = step.batch
     assert batch is not None
-    f, done = turn.f.copy(), turn.done.copy()
+    f, done = step.f.copy(), step.done.copy()
     stale: list[ChunkName] = []
     for chunk, origin in read(batch.phase, batch.iteration, batch.start, batch.stop):
         first, last = max(chunk.start, batch.start), min(chunk.stop, batch.stop)
         whole = (first, last) == (chunk.start, chunk.stop)
-        if origin.digest and not (whole and origin.digest == turn.digest(first, last)):
+        if origin.digest and not (whole and origin.digest == step.digest(first, last)):
             if origin.epoch == epoch:
                 raise StoreError(
                     f"recorded rollouts [{chunk.start}, {chunk.stop}) of {batch.phase} {batch.iteration} are of other "
@@ -137,4 +144,4 @@ def _filled(turn: Turn, epoch: int, read: ReadChunks) -> tuple[Turn, list[ChunkN
             continue
         f[first - batch.start : last - batch.start] = chunk.f[first - chunk.start : last - chunk.start]
         done[first - batch.start : last - batch.start] = True
-    return replace(turn, f=f, done=done), stale
+    return replace(step, f=f, done=done), stale

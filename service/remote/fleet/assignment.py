@@ -1,65 +1,62 @@
 """Who gets what: audits first, then the pending rows of the job whose turn it is, then copies of stragglers."""
 
-from service.remote.fleet import events as E
-from service.remote.fleet.auditing import Auditing
 from service.remote.fleet.jobs import Flight, JobState, Phase
 from service.remote.fleet.messages import Ask, Drawn, Explicit, Lease
-from service.remote.fleet.policy import Policy
-from service.remote.fleet.workers import Workers, WorkerState
+from service.remote.fleet.state import SchedulerState
+from service.remote.fleet.workers import WorkerState
 
 
-class Dealing:
+class Assignment:
     """Answers the slots that wait, as far as there is work."""
 
-    def __init__(self, policy: Policy, jobs: dict[str, JobState], workers: Workers, auditing: Auditing):
-        self._policy = policy
-        self._jobs = jobs
-        self._workers = workers
-        self._auditing = auditing
+    def __init__(self, state: SchedulerState):
+        self._state = state
+        self._policy, self._workers, self._auditing = state.policy, state.workers, state.auditing
 
-    def deal(self, now: float, slots: list[tuple[str, int]] | None, copies: bool) -> list[E.Instruction]:
-        """Leases for these slots, or for all that wait; copies: of stragglers, too."""
-        out: list[E.Instruction] = []
-        late = self._stragglers(now) if copies and self._workers.waiting else []
+    def assign(self, slots: list[tuple[str, int]] | None = None, copies: bool = False) -> None:
+        """Give work to these slots, or to all that wait; copies: of stragglers, too. Nothing is given out while the
+        database takes nothing."""
+        if self._state.trouble:
+            return
+        late = self._stragglers() if copies and self._workers.waiting else []
         for slot in list(self._workers.waiting) if slots is None else slots:
             if not (late or self._rows_left() or self._auditing.unclaimed()):
                 break
             waiting = self._workers.waiting[slot]
             worker = self._workers.here[waiting.ask.worker]
-            lease = self._audit(now, worker, waiting.ask) or self._chunk(now, worker, waiting.ask, late)
+            lease = self._audit(worker, waiting.ask) or self._chunk(worker, waiting.ask, late)
             if lease is not None:
                 del self._workers.waiting[slot]
-                out.append(E.Send(waiting.request, lease))
-        return out
+                self._state.send(waiting.request, lease)
 
     def _rows_left(self) -> bool:
-        return any(job.phase is Phase.WORKING and job.pending for job in self._jobs.values())
+        return any(job.phase is Phase.WORKING and job.pending for job in self._state.jobs.values())
 
-    def _audit(self, now: float, worker: WorkerState, ask: Ask) -> Lease | None:
-        audit = self._auditing.wanted(worker, self._jobs)
+    def _audit(self, worker: WorkerState, ask: Ask) -> Lease | None:
+        audit = self._auditing.wanted(worker, self._state.jobs)
         if audit is None:
             return None
-        job = self._jobs[audit.key.job]
+        job = self._state.jobs[audit.key.job]
         rows = audit.key.stop - audit.key.start
         limit, expected = job.limit_s(self._policy, rows), job.expected_s(rows)
-        held = self._workers.lease(ask, audit.key, True, now, limit, expected)
+        held = self._workers.lease(ask, audit.key, True, self._state.now, limit, expected)
         audit.lease = held.id
         self._charge(job, expected)
         return Lease(held.id, audit.key, audit.rows, limit)
 
-    def _chunk(
-        self, now: float, worker: WorkerState, ask: Ask, late: list[tuple[JobState, Flight]]
-    ) -> Lease | None:
-        job = self._next_job([j for j in self._jobs.values() if j.pending and self._able(worker, j)], ask.job)
+    def _chunk(self, worker: WorkerState, ask: Ask, late: list[tuple[JobState, Flight]]) -> Lease | None:
+        job = self._next_job(
+            [j for j in self._state.jobs.values() if j.pending and self._able(worker, j)], ask.job
+        )
         if job is not None:
             rows = job.pending.take(job.chunk_rows(self._policy, self._workers.slots))
             flight = job.flights[rows.start, rows.stop] = Flight(rows)
-            return self._lease(now, worker, ask, job, flight)
+            return self._lease(worker, ask, job, flight)
         for i, (job, flight) in enumerate(late):
             if self._able(worker, job):
                 del late[i]
                 self._workers.tally.copied += 1
-                return self._lease(now, worker, ask, job, flight)
+                return self._lease(worker, ask, job, flight)
         return None
 
     def _able(self, worker: WorkerState, job: JobState) -> bool:
@@ -79,25 +76,27 @@ class Dealing:
                 return job
         return least
 
-    def _stragglers(self, now: float) -> list[tuple[JobState, Flight]]:
+    def _stragglers(self) -> list[tuple[JobState, Flight]]:
         """Chunks that are out for much longer than they should be and that nobody else has too, the oldest of the
         highest priority first."""
         late: list[tuple[int, float, JobState, Flight]] = []
-        for job in self._jobs.values():
+        for job in self._state.jobs.values():
             for flight in job.flights.values():
                 if len(flight.leases) != 1:
                     continue
                 held = self._workers.leases[next(iter(flight.leases))]
                 expected_s = held.expected_s or self._policy.first_limit_s
-                if now - held.since > max(self._policy.copy_s, self._policy.copy_factor * expected_s):
+                if self._state.now - held.since > max(
+                    self._policy.copy_s, self._policy.copy_factor * expected_s
+                ):
                     late.append((-job.submitted.priority, held.since, job, flight))
         return [(job, flight) for _, _, job, flight in sorted(late, key=lambda one: one[:2])]
 
-    def _lease(self, now: float, worker: WorkerState, ask: Ask, job: JobState, flight: Flight) -> Lease:
+    def _lease(self, worker: WorkerState, ask: Ask, job: JobState, flight: Flight) -> Lease:
         span = flight.range
         key = job.key(span)
         limit, expected = job.limit_s(self._policy, span.rows), job.expected_s(span.rows)
-        held = self._workers.lease(ask, key, False, now, limit, expected)
+        held = self._workers.lease(ask, key, False, self._state.now, limit, expected)
         flight.leases.add(held.id)
         self._charge(job, expected)
         rows: Drawn | Explicit = job.rows(span.start, span.stop, worker.draws_wrong)
