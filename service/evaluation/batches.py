@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 import ce
+from service.evaluation.engine import ExecutorPool
 from service.evaluation.job import Job
 from service.evaluation.pool import LocalPool, Work
 from service.evaluation.store import Chunk, ChunkSource
@@ -25,7 +26,7 @@ class RecordedBatches:
         self,
         store: ChunkSource,
         job: Job,
-        pool: Callable[[], LocalPool],
+        pool: Callable[[], LocalPool | ExecutorPool],
         on_chunk: Callable[[Chunk, bool], None] = lambda chunk, replayed: None,
         tolerance: Tolerance | None = None,
     ):

@@ -1,11 +1,13 @@
-"""Runs a job on local workers, with a run directory (or another record) as its memory, and tells how far it is."""
+"""Runs a job on local workers or an executor, with a record as its memory, and tells how far it is."""
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from types import TracebackType
 
 import ce
 from service.evaluation.batches import RecordedBatches
+from service.evaluation.engine import ExecutorPool
 from service.evaluation.evaluate import Observe, evaluate
 from service.evaluation.job import Job, Problem
 from service.evaluation.pool import LocalPool, OpenWorld, in_sumo
@@ -23,15 +25,20 @@ class Watcher:
 
 
 class LazyPool:
-    """A pool of local workers for a job that starts when first asked for."""
+    """A pool of workers for a job that starts when first asked for: local ones, or those of an executor."""
 
-    def __init__(self, job: Job, workers: int, open_world: OpenWorld = in_sumo):
-        self._job, self._workers, self._open_world = job, workers, open_world
-        self._pool: LocalPool | None = None
+    def __init__(
+        self, job: Job, workers: int, open_world: OpenWorld = in_sumo, executor: Executor | None = None
+    ):
+        self._job, self._workers, self._open_world, self._executor = job, workers, open_world, executor
+        self._pool: LocalPool | ExecutorPool | None = None
 
-    def __call__(self) -> LocalPool:
+    def __call__(self) -> LocalPool | ExecutorPool:
         if self._pool is None:
-            self._pool = LocalPool(self._job, self._workers, self._open_world)
+            if self._executor is not None:
+                self._pool = ExecutorPool(self._executor, self._job)
+            else:
+                self._pool = LocalPool(self._job, self._workers, self._open_world)
             self._pool.warm_up()
         return self._pool
 
@@ -52,14 +59,16 @@ def run_job(
     watcher: Watcher,
     max_failed: float = 1.0,
     open_world: OpenWorld = in_sumo,
+    executor: Executor | None = None,
 ) -> ce.Estimate:
     """Run one job to its end, from wherever its record in `store` stands.
 
-    max_failed: TooManyFailures where a larger share of its rollouts fails; open_world: what the rollouts run in.
+    max_failed: TooManyFailures where a larger share of its rollouts fails; open_world: what the rollouts run in;
+    executor: what runs them in place of local workers, in SUMO.
     """
     problem = Problem(job)
     algorithm = problem.algorithm
     watcher.on_job(job, algorithm.total_rollouts)
-    with LazyPool(job, workers, open_world) as pool:
+    with LazyPool(job, workers, open_world, executor) as pool:
         run_batch = RecordedBatches(store, job, pool, watcher.on_chunk, Tolerance(max_failed))
         return evaluate(algorithm, problem.stream_seed, run_batch, watcher.on_record)

@@ -1,8 +1,10 @@
 """A job: everything that decides an estimate, and what is made of it."""
 
 import hashlib
+from collections.abc import Sequence
 from functools import cached_property
 from importlib.metadata import version
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ import ce
 from policies.drivers import DriverModel, load_drivers
 from policies.egos import ego_digest
 from service.errors import InputError, StoreError
+from service.evaluation.options import options_of
 from service.world.egos.open import camera_elsewhere, check_ego, open_ego
 from service.world.safety.measure import open_monitor
 from service.world.scenario.base import base_distribution, dimension
@@ -36,11 +39,12 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
     tailroad: str = version("tailroad")
     weights_sha256: str = ""  # of the drivers' weights, so that a resumed job is not mixed with others'
     ego_sha256: str = ""  # of the ego's, where it is one of the shipped networks
+    name: str = ""  # within its run; empty: its method's
 
     @property
     def id(self) -> str:
-        """Unique within a run."""
-        return self.method
+        """What the job's record is kept by, unique within a run (`told_apart`)."""
+        return self.name or self.method
 
 
 def make_job(
@@ -68,8 +72,22 @@ def make_job(
         check_threshold(scenario.safety.measure, gamma)
     except ValueError as error:
         raise InputError(str(error)) from error
-    ce.algorithm(method, _TINY_BASE, gamma, _options(method, options))
+    ce.algorithm(method, _TINY_BASE, gamma, options_of(method, options))
     return job
+
+
+def told_apart(jobs: Sequence[Job]) -> tuple[Job, ...]:
+    """The jobs of a run, each with an id of its own: the second of a method is METHOD-2. InputError where two are the
+    same job."""
+    found: list[Job] = []
+    for job in jobs:
+        if job in jobs[: len(found)]:
+            raise InputError(f"the same job twice: {job.method}, gamma {job.gamma:g}, seed {job.seed}")
+        taken = {other.id for other in found}
+        ids = (job.method if n == 1 else f"{job.method}-{n}" for n in count(1))
+        free = next(i for i in ids if i not in taken)
+        found.append(job if free == job.method else msgspec.structs.replace(job, name=free))
+    return tuple(found)
 
 
 PER_ROW, PER_ROLLOUT = (
@@ -80,7 +98,7 @@ PER_ROW, PER_ROLLOUT = (
 
 def held_bytes(job: Job) -> int:
     """Memory that an open job takes at the scheduler at most: its batch, its algorithm's state, its rollouts' f."""
-    options = _options(job.method, job.options)
+    options = options_of(job.method, job.options)
     dim = dimension(job.scenario)
     kept = options.sizes()[2] if isinstance(options, ce.CrossEntropyOptions) else options.budget
     return options.held_rows(dim) * (8 * dim + PER_ROW) + kept * PER_ROLLOUT
@@ -116,7 +134,7 @@ class Problem:
     @cached_property
     def algorithm(self) -> ce.Algorithm:
         job = self.job
-        return ce.algorithm(job.method, self.base, job.gamma, _options(job.method, job.options))
+        return ce.algorithm(job.method, self.base, job.gamma, options_of(job.method, job.options))
 
     @property
     def stream_seed(self) -> int:
@@ -156,15 +174,6 @@ def without_sumo(job: Job) -> Audited | Simulator:
     problem.check_ego_weights()
     alone = WithoutSumo(job.scenario, problem.corridor, problem.drivers, job.ego)
     return Audited(alone, problem.simulator())
-
-
-def _options(method: str, options: dict[str, Any]) -> Any:
-    if method not in ce.OPTIONS:
-        raise InputError(f"no method named {method!r}; there are {', '.join(ce.METHODS)}")
-    try:
-        return ce.OPTIONS[method](**options)
-    except TypeError as error:
-        raise InputError(f"options of method {method!r}: {error}") from error
 
 
 def _weights_digest(drivers: DriverModel) -> str:

@@ -21,6 +21,7 @@ import numpy as np
 
 from service.errors import WorkerError
 from service.evaluation.job import Job, Problem
+from service.evaluation.processes import context_for
 from service.evaluation.store import FAILED, Chunk
 from service.world.sim.rollout import OUTCOMES, Rollout
 
@@ -114,7 +115,7 @@ class LocalPool:
     def _start(self) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(
             self.workers,
-            mp_context=multiprocessing.get_context("spawn"),
+            mp_context=context_for(self._job.ego),
             initializer=_open_worker,
             initargs=(self._job, self._open_world),
         )

@@ -104,7 +104,9 @@ def comparisons(jobs: Sequence[Job], estimates: dict[str, ce.Estimate]) -> list[
     naive = estimates.get("naive")
     if naive is None:
         return []
-    return [{"method": job.id} | comparison_of(naive, estimates[job.id]) for job in jobs if job.id != "naive"]
+    return [
+        {"method": job.id} | comparison_of(naive, estimates[job.id]) for job in jobs if job.method != "naive"
+    ]
 
 
 def _number(value: float) -> float | None:

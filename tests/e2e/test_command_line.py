@@ -90,7 +90,7 @@ def test_a_precision_that_the_budget_does_not_reach_is_exit_code_3(tmp_path: Pat
         (("estimate", "--ego", "nobody", "--gamma", "1"), "nobody"),
         (("estimate", "no-such-scenario", "--gamma", "1"), "no-such-scenario"),
         (("estimate", "--gamma", "1", "--budget", "0"), "budget"),
-        (("estimate", "--gamma", "1", "--budget", "500"), "budget"),
+        (("estimate", "--gamma", "1", "--method", "ce", "--budget", "500"), "budget"),
         (("estimate", "--resume", "."), "run.json"),
         (("rollout", "i80-10s", "--video", "film.avi"), ".mp4"),
         (("rollout", "i80-10s", "--trace", "missing/trace.parquet"), "missing"),

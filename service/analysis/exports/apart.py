@@ -1,6 +1,5 @@
 """An export made in a process of its own, because SUMO allows one simulation a process."""
 
-import multiprocessing
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -8,26 +7,44 @@ from pathlib import Path
 
 import numpy as np
 
-from service.analysis.exports.write import FORMATS, Exports, write_exports
+from service.analysis.exports.write import SUFFIXES, Exports, write_exports, write_forms
+from service.analysis.failures.rerun import Rerun, rerun
 from service.errors import InputError, WorkerError
 from service.evaluation.job import Job, Problem
 from service.evaluation.pool import watch_parent
+from service.evaluation.processes import context_for
+from service.world.egos.here import HERE
 
 
 def export_bytes(job: Job, x: np.ndarray, noise_seed: int, title: str, form: str) -> bytes:
-    """The rollout of x (d,) and its noise seed in one of FORMATS. Raises InputError for another form, SimulationError
-    where the rollout fails, and WorkerError where its process ends."""
-    if form not in FORMATS:
-        raise InputError(f"format {form}: there are {', '.join(FORMATS)}")
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), initializer=watch_parent) as pool:
+    """The rollout of x (d,) and its noise seed in one of the forms of SUFFIXES.
+
+    Raises InputError for another form, SimulationError where the rollout fails, and WorkerError where its process ends.
+    """
+    if form not in SUFFIXES:
+        raise InputError(f"format {form}: there are {', '.join(SUFFIXES)}")
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        ProcessPoolExecutor(1, context_for(job.ego), initializer=watch_parent) as pool,
+    ):
+        path = Path(folder) / f"rollout{SUFFIXES[form]}"
+        files = Exports(**{form: path})
         try:
-            return pool.submit(_export, job, x, noise_seed, title, form).result()
+            if not job.ego.startswith(HERE):
+                pool.submit(_export, job, x, noise_seed, title, files).result()
+            else:  # in a fork, which has this process's locks, only what needs the ego
+                again = pool.submit(_look, job, x, noise_seed, files.fcd).result()
+                write_forms(Problem(job), again, x, noise_seed, title, files)
         except BrokenProcessPool as error:
             raise WorkerError("the process that ran the rollout again died") from error
-
-
-def _export(job: Job, x: np.ndarray, noise_seed: int, title: str, form: str) -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"rollout{FORMATS[form][1]}"
-        write_exports(Problem(job), x, noise_seed, title, Exports(**{form: path}))
         return path.read_bytes()
+
+
+def _export(job: Job, x: np.ndarray, noise_seed: int, title: str, files: Exports) -> None:
+    write_exports(Problem(job), x, noise_seed, title, files)
+
+
+def _look(job: Job, x: np.ndarray, noise_seed: int, fcd: Path | None) -> Rerun:
+    problem = Problem(job)
+    with problem.simulator(fcd=fcd) as simulator:
+        return rerun(problem, simulator, x, noise_seed)

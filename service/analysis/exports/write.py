@@ -18,6 +18,7 @@ FORMATS = {  # what a client may ask for: media type and the file's suffix
     "mp4": ("video/mp4", ".mp4"),
     "mcap": ("application/octet-stream", ".mcap"),
 }
+SUFFIXES = {form: suffix for form, (_, suffix) in FORMATS.items()} | {"table": ".parquet"}  # of every form
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,20 @@ def write_exports(
     """
     with problem.simulator(fcd=files.fcd) as simulator:
         again = rerun(problem, simulator, x, noise_seed)
+    write_forms(problem, again, x, noise_seed, title, files, camera)
+    return again
+
+
+def write_forms(
+    problem: Problem,
+    again: Rerun,
+    x: np.ndarray,
+    noise_seed: int,
+    title: str,
+    files: Exports,
+    camera: bool = True,
+) -> None:
+    """Write the files of a rollout that was run again: all but the floating-car data, and without SUMO."""
     trace = again.trace
     if trace is None:
         raise SimulationError(f"the rollout failed: {again.error}")
@@ -58,4 +73,3 @@ def write_exports(
 
         view = EgoView(problem.job.scenario, problem.corridor, x, noise_seed) if camera else None
         write_video(trace, problem.corridor, files.mp4, title, view)
-    return again

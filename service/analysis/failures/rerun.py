@@ -1,6 +1,5 @@
 """Run rollouts once more in worker processes: a rollout is a pure function, so what happened in it can be seen."""
 
-import multiprocessing
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -16,6 +15,7 @@ from service.analysis.trace import Trace, record
 from service.errors import WorkerError
 from service.evaluation.job import Job, Problem
 from service.evaluation.pool import watch_parent
+from service.evaluation.processes import context_for
 from service.world.sim.rollout import Simulator
 
 AT_ONCE = 8  # rollouts that a worker is given at once
@@ -101,7 +101,7 @@ class Rerunner:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(
                 max(min(self._workers, parts), 1),
-                multiprocessing.get_context("spawn"),
+                context_for(self._job.ego),
                 initializer=_open,
                 initargs=(self._job,),
             )

@@ -57,22 +57,25 @@ def write_report(
     baseline: Baseline = POLICE_REPORTED,
     workers: int = 1,
 ) -> Path:
-    """Write report.html and report.json into `out` (default: the run directory); the HTML file's path.
+    """Write report.html and report.json into `out` (default: the run directory), or `out` itself where it is an .html
+    file, and a .json file beside it; the HTML file's path.
 
     The rest as of `report_of`. Raises StoreError where the record cannot be read, belongs to other weights, or the
     files cannot be written.
     """
     folder = store.path if out is None else out
+    page = folder / "report.html"
+    if folder.suffix == ".html":
+        page, folder = folder, folder.parent
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise _cannot_write(folder, error) from error
     records = [replay(store, job) for job in store.jobs]
     made = report_of(store.path.name, records, drawn, workers, store.path, now, baseline)
-    page = folder / "report.html"
     try:
         text = json.dumps(made.facts, indent=1, allow_nan=False, ensure_ascii=False)
-        (folder / "report.json").write_text(text + "\n", encoding="utf-8")
+        page.with_suffix(".json").write_text(text + "\n", encoding="utf-8")
         page.write_text(made.html, encoding="utf-8")
     except OSError as error:
         raise _cannot_write(folder, error) from error

@@ -56,6 +56,20 @@ class RunDirectory:
         return cls(path, jobs)
 
     @classmethod
+    def open_or_create(cls, path: Path, jobs: tuple[Job, ...]) -> "RunDirectory":
+        """The run directory of these jobs, new or from before; StoreError where it belongs to other jobs."""
+        if not (path / "run.json").exists():
+            return cls.create(path, jobs)
+        store = cls.open(path)
+        if store.jobs != jobs:
+            store.close()
+            raise StoreError(
+                f"{path} holds a run of another question, or was begun with another version of the scenario, the "
+                "drivers or tailroad; give another --out, or remove it"
+            )
+        return store
+
+    @classmethod
     def open(cls, path: Path) -> "RunDirectory":
         """An existing run directory; StoreError if it is not one."""
         try:

@@ -1,4 +1,4 @@
-"""A record as a Parquet file, a row for each rollout, for whatever reads tables."""
+"""A record as a table or a Parquet file, a row for each rollout, for whatever reads tables."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -22,12 +22,19 @@ SCHEMA = {
 }
 
 
+def table_of(
+    jobs: Mapping[str, Iterable[tuple[str, int, Chunk, Origin]]], outcomes: Mapping[int, str]
+) -> pl.DataFrame:
+    """Every rollout of the jobs. outcomes: names of the outcome codes."""
+    frames = [_frame(job, *one, outcomes) for job, chunks in jobs.items() for one in chunks]
+    return pl.concat(frames) if frames else pl.DataFrame(schema=SCHEMA)
+
+
 def write_parquet(
     path: Path, jobs: Mapping[str, Iterable[tuple[str, int, Chunk, Origin]]], outcomes: Mapping[int, str]
 ) -> int:
     """Write every rollout of the jobs; how many there are. outcomes: names of the outcome codes."""
-    frames = [_frame(job, *one, outcomes) for job, chunks in jobs.items() for one in chunks]
-    table = pl.concat(frames) if frames else pl.DataFrame(schema=SCHEMA)
+    table = table_of(jobs, outcomes)
     try:
         table.write_parquet(path, compression="zstd")
     except OSError as error:

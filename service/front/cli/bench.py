@@ -8,7 +8,8 @@ from rich.console import Console
 from rich.table import Table
 
 from policies.egos import ego_names
-from service.front.cli.options import core_count, json_option
+from service.evaluation.cores import core_count
+from service.front.cli.options import json_option
 from service.front.cli.progress import stderr
 from service.studies import bench
 from service.world.scenario import load_scenario

@@ -16,17 +16,18 @@ import ce
 from service.analysis.comparison.compare import comparison_of
 from service.analysis.comparison.objects import Comparison, ModeChange, Pair
 from service.analysis.failures.examine import EXAMINED
+from service.analysis.run.records import record_of
 from service.analysis.wording import quantity, significant
 from service.errors import InputError, StoreError
 from service.evaluation.campaign import Watcher, run_job
+from service.evaluation.cores import core_count
 from service.evaluation.job import Job, make_job
 from service.evaluation.record import JobRecord, replay
 from service.evaluation.store import Chunk, RunDirectory
 from service.front.cli.ego_options import ego_option
 from service.front.cli.main import INTERRUPTED
-from service.front.cli.options import core_count, finite, json_option, seed_option, workers_option
+from service.front.cli.options import finite, json_option, seed_option, workers_option
 from service.front.cli.progress import progress_bar, stderr
-from service.front.cli.runs import open_record
 from service.world.scenario import load_scenario
 from service.world.scenario.check import check_road
 
@@ -178,7 +179,7 @@ def _open_all(runs: Sequence[Path], method: str | None, gamma: float | None) -> 
             with RunDirectory.open(run) as store:
                 names.append([job.id for job in store.jobs])
         method = next((name for name in names[0] if all(name in others for others in names[1:])), None)
-    return [open_record(run, method, gamma)[0] for run in runs]
+    return [record_of(run, method, gamma)[0] for run in runs]
 
 
 HOW = {"normal": "normal", "paired counts": "exact, of the pairs", "bounds": "bounds of both intervals"}

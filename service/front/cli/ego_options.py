@@ -12,8 +12,9 @@ from typing import Any
 import click
 
 from policies.egos import ego_names
-from service.world.egos.open import REMOTE, check_ego
-from service.world.egos.settings import PYTHON_EGO, EgoSettings
+from service.world.egos.here import permit
+from service.world.egos.open import check_ego
+from service.world.egos.settings import EgoSettings
 
 
 def ego_option(default: str = "lidar", multiple: bool = False) -> Callable:
@@ -79,10 +80,8 @@ def _permit_each(ctx: click.Context, param: click.Parameter, egos: tuple[str, ..
 
 def _permit(ctx: click.Context, param: click.Parameter, ego: str) -> str:
     """Whoever types MODULE:CLASS on a command line may import it there, from the current folder too."""
-    if PYTHON_EGO.fullmatch(ego) and not ego.startswith(REMOTE):
-        settings = EgoSettings.from_environment()
-        os.environ.update(replace(settings, python=settings.python | {ego}).as_environment())
-        if os.getcwd() not in sys.path:
-            sys.path.append(os.getcwd())
+    permit(ego)
+    if ":" in ego and os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())
     check_ego(ego)
     return ego

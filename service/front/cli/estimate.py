@@ -2,44 +2,34 @@
 
 import json
 import sys
-import time
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import click
-import msgspec
 from rich.console import Console
 from rich.table import Table
 
 import ce
-from service.analysis.exposure import exposure_of
-from service.analysis.failures.rerun import Rerunner
-from service.analysis.risk import Risk, risk_of
+from service.analysis.run import Interrupted, estimate
+from service.analysis.run import resume as go_on
+from service.analysis.run.question import METHOD
 from service.analysis.wording import quantity
 from service.errors import InputError, WorkerError
-from service.evaluation.campaign import Watcher, run_job
-from service.evaluation.job import Job, Problem, make_job
-from service.evaluation.store import Chunk, RunDirectory
-from service.evaluation.summary import Cost, comparisons, json_ready, summary_of
+from service.evaluation.cores import core_count
 from service.front.cli.ego_options import ego_option
 from service.front.cli.main import INTERRUPTED
 from service.front.cli.options import (
-    core_count,
     finite,
     json_option,
     measure_option,
     noise_mode_option,
+    option_of,
+    option_option,
     seed_option,
     workers_option,
 )
-from service.front.cli.progress import progress_bar, stderr
-from service.world.egos.open import check_ego, meet_ego
-from service.world.safety.measure import with_measure
-from service.world.scenario import load_scenario
-from service.world.scenario.check import check_road
-from service.world.scenario.measures import IMPACT
-from service.world.scenario.noise_mode import NoiseMode, with_noise_mode
+from service.front.cli.progress import Shown, progress_bar, stderr
+from service.world.scenario.noise_mode import NoiseMode
 
 NOT_PRECISE = 3
 
@@ -56,7 +46,7 @@ NOT_PRECISE = 3
 @measure_option()
 @noise_mode_option()
 @click.option("--method", "methods", multiple=True, type=click.Choice(ce.METHODS), help="Once for each method wanted; "
-              "several are compared.  [default: ce]")  # fmt: skip
+              "several are compared.  [default: auto]")  # fmt: skip
 @click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True,
               help="Rollouts of each method at most, training included.")  # fmt: skip
 @click.option("--rel-error", type=click.FloatRange(0, min_open=True), callback=finite,
@@ -64,6 +54,7 @@ NOT_PRECISE = 3
 @click.option(
     "--confidence", type=click.FloatRange(0, 1, min_open=True, max_open=True), default=0.95, show_default=True
 )
+@option_option()
 @click.option("--iterations", type=click.IntRange(1), help="ce: K.")
 @click.option("--samples-per-iteration", type=click.IntRange(10), help="ce: N_k.")
 @click.option(
@@ -98,12 +89,7 @@ def command(
     budget: int,
     rel_error: float | None,
     confidence: float,
-    iterations: int | None,
-    samples_per_iteration: int | None,
-    rho: float | None,
-    step: float | None,
-    mean_box: float | None,
-    max_kl: float | None,
+    options: tuple[str, ...],
     workers: int | None,
     seed: int,
     out: Path | None,
@@ -111,131 +97,66 @@ def command(
     max_failed: float,
     with_report: bool,
     as_json: bool,
+    **flags: Any,
 ) -> None:
     """Estimate p = P0(f(X) <= gamma) of SCENARIO (default: i80-10s) for an ego policy.
 
     Exit codes: 0 done, 2 bad input, 3 the precision asked for was not reached, 130 interrupted (what was run is kept;
     continue with --resume).
     """
-    if resume is not None:
-        if scenario is not None or out is not None:
-            raise InputError("--resume takes everything from the run directory; leave out SCENARIO and --out")
-        store = RunDirectory.open(resume)
-        for job in store.jobs:
-            check_ego(job.ego)  # a run directory may come from someone else
-    else:
-        if gamma is None:
-            raise InputError(
-                "give the event's threshold in the measure's unit, as in --gamma 0.5 (seconds to collision), or "
-                f"--gamma 0 with the measure {IMPACT} (a contact)"
+    count = workers or core_count()
+    with progress_bar() as bar:
+        tell = Shown(bar, count)
+        try:
+            if resume is not None:
+                if scenario is not None or out is not None:
+                    raise InputError(
+                        "--resume takes everything from the run directory; leave out SCENARIO and --out"
+                    )
+                run = go_on(resume, workers=count, progress=tell, max_failed=max_failed)
+            else:
+                if gamma is None:
+                    raise InputError(
+                        "give the event's threshold, as in --gamma 0.2 (seconds of time to collision)"
+                    )
+                run = estimate(
+                    scenario or "i80-10s",
+                    ego,
+                    gamma=gamma,
+                    method=methods or METHOD,
+                    budget=budget,
+                    rel_error=rel_error,
+                    confidence=confidence,
+                    seed=seed,
+                    measure=measure,
+                    noise_mode=noise_mode,
+                    options={k: v for k, v in flags.items() if v is not None} | dict(map(option_of, options)),
+                    out=out,
+                    workers=count,
+                    progress=tell,
+                    max_failed=max_failed,
+                    new=True,
+                )
+        except Interrupted as stopped:
+            stderr.print(
+                f"\nInterrupted; what was run is kept. Continue with: tailroad estimate --resume {stopped.path}"
             )
-        name = scenario or "i80-10s"
-        common = {"rel_error": rel_error, "confidence": confidence, "budget": budget}
-        search = {
-            "iterations": iterations,
-            "samples_per_iteration": samples_per_iteration,
-            "rho": rho,
-            "step": step,
-            "mean_box": mean_box,
-            "max_kl": max_kl,
-        }
-        loaded = load_scenario(name)
-        if measure is not None:
-            loaded = with_measure(loaded, measure)
-        loaded = with_noise_mode(loaded, noise_mode, name)
-        corridor = check_road(loaded, name)
-        jobs = []
-        for method in dict.fromkeys(methods or ("ce",)):
-            options: dict[str, Any] = dict(common)
-            if method == "ce":
-                options |= {k: v for k, v in search.items() if v is not None}
-            jobs.append(make_job(loaded, ego, gamma, method, seed, options))
-        meet_ego(ego, loaded, corridor)
-        store = RunDirectory.create(out or _default_folder(loaded.name, ego), tuple(jobs))
-    with store:
-        code = _run(store, workers or core_count(), max_failed, with_report, as_json)
-    sys.exit(code)
-
-
-def _default_folder(scenario: str, ego: str) -> Path:
-    return Path("runs") / f"{scenario}-{ego}-{datetime.now():%Y%m%d-%H%M%S}"
-
-
-def _run(store: RunDirectory, workers: int, max_failed: float, with_report: bool, as_json: bool) -> int:
-    estimates: dict[str, ce.Estimate] = {}
-    costs: dict[str, Cost] = {}
+            sys.exit(INTERRUPTED)
     try:
-        for job in store.jobs:
-            costs[job.id] = Cost(workers)
-            estimates[job.id] = _run_one(store, job, workers, max_failed, costs[job.id])
-    except KeyboardInterrupt:
-        stderr.print(
-            f"\nInterrupted; what was run is kept. Continue with: tailroad estimate --resume {store.path}"
-        )
-        return INTERRUPTED
-    summaries = [summary_of(job, estimates[job.id], costs[job.id]) for job in store.jobs]
-    risks = _risks(store, estimates)
-    for summary in summaries:
-        summary["risk"] = json_ready(msgspec.to_builtins(risks.get(summary["method"])))
-    compared = comparisons(store.jobs, estimates)
-    result = summaries[0] if len(summaries) == 1 else {"estimates": summaries, "comparison": compared}
-    (store.path / "result.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+        risks = run.risks()
+    except WorkerError as error:
+        stderr.print(f"No rate per million km: {error}")
+        risks = {}
+    result = run.save(risks)
     if as_json:
         click.echo(json.dumps(result, indent=2))
     else:
-        _print(summaries, compared)
-        for method, risk in risks.items():
-            click.echo(f"As a rate, by {method}: {risk.summary}")
+        _print(result.get("estimates", [result]), result.get("comparison", []))
+        for job, risk in risks.items():
+            click.echo(f"As a rate, by {job}: {risk.summary}")
     if with_report:
-        from service.analysis.report import write_report
-
-        path = write_report(store, workers=workers)
-        (stderr.print if as_json else click.echo)(f"Report: {path}")
-    missed = any(e.rel_error is not None and not e.converged for e in estimates.values())
-    return NOT_PRECISE if missed else 0
-
-
-def _risks(store: RunDirectory, estimates: dict[str, ce.Estimate]) -> dict[str, Risk]:
-    """The estimates as rates, by method; nothing where no rollout can be run to measure how far the ego drives."""
-    job = store.jobs[0]
-    try:
-        with Rerunner(job) as rerunner:
-            exposure = exposure_of(job, Problem(job).base, rerunner, folder=store.path)
-    except WorkerError as error:
-        stderr.print(f"No rate per million km: {error}")
-        exposure = None
-    return (
-        {} if exposure is None else {job.id: risk_of(job, estimates[job.id], exposure) for job in store.jobs}
-    )
-
-
-def _run_one(store: RunDirectory, job: Job, workers: int, max_failed: float, cost: Cost) -> ce.Estimate:
-    began = time.perf_counter()
-    with progress_bar() as bar:
-        task = bar.add_task(f"{job.method}: starting {workers} workers", total=None, note="")
-
-        def on_job(job: Job, total: int) -> None:
-            bar.update(task, total=total, description=job.method)
-            if not stderr.is_terminal:
-                click.echo(
-                    f"{job.method}: at most {total:,} rollouts on {workers} workers, run {store.path}",
-                    err=True,
-                )
-
-        def on_chunk(chunk: Chunk, replayed: bool) -> None:
-            cost.add(chunk.worker_s, float(chunk.steps.sum()) * job.scenario.time.step_s)
-            bar.update(task, advance=chunk.stop - chunk.start)
-
-        def on_record(state: Any, record: ce.TrainingRecord | ce.EstimationRecord) -> None:
-            if isinstance(record, ce.TrainingRecord):
-                note = f"search {record.iteration + 1}: gamma_k {record.gamma_k:.3g}, ESS {record.ess:.0f}"
-            else:
-                note = f"p = {record.p:.3g} [{record.low:.2g}, {record.high:.2g}]"
-            bar.update(task, note=note)
-
-        estimate = run_job(store, job, workers, Watcher(on_job, on_chunk, on_record), max_failed)
-    cost.wall_s = time.perf_counter() - began
-    return estimate
+        (stderr.print if as_json else click.echo)(f"Report: {run.report()}")
+    sys.exit(NOT_PRECISE if run.imprecise else 0)
 
 
 def _print(summaries: list[dict[str, Any]], compared: list[dict[str, Any]]) -> None:

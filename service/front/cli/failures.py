@@ -13,10 +13,12 @@ from service.analysis.failures.examine import EXAMINED
 from service.analysis.failures.find import find_failures
 from service.analysis.failures.objects import Failures
 from service.analysis.failures.rerun import Rerunner
+from service.analysis.run.records import record_of
 from service.analysis.wording import quantity, significant
-from service.front.cli.options import core_count, json_option, workers_option
+from service.evaluation.cores import core_count
+from service.front.cli.options import json_option, workers_option
 from service.front.cli.progress import progress_bar
-from service.front.cli.runs import method_option, open_record, run_argument
+from service.front.cli.runs import method_option, run_argument
 
 
 @click.command()
@@ -37,7 +39,7 @@ def command(
 
     Each is run again, which brings back the same motion to the bit; `tailroad replay RUN RANK` shows one.
     """
-    record, _ = open_record(run, method)
+    record, _ = record_of(run, method)
     with progress_bar() as bar, Rerunner(record.job, workers or core_count()) as rerunner:
         task = bar.add_task("dangerous rollouts", total=None, note="")
         found = find_failures(

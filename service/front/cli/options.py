@@ -1,11 +1,11 @@
 """Options that several commands share."""
 
 import functools
-import os
 from collections.abc import Callable
 from typing import Any
 
 import click
+import msgspec
 
 from service.errors import InputError
 from service.world.scenario.measures import MEASURES
@@ -69,6 +69,27 @@ def renamed_option(old: str, new: str, kind: click.ParamType) -> Callable[[Calla
     return decorate
 
 
+def option_option() -> Callable:
+    return click.option(
+        "--option",
+        "options",
+        multiple=True,
+        metavar="NAME=VALUE",
+        help="Option of the method, as in rho=0.1; once for each.",
+    )
+
+
+def option_of(text: str) -> tuple[str, Any]:
+    """NAME=VALUE: the value as JSON, or else as text."""
+    name, equals, value = text.partition("=")
+    if not name or not equals:
+        raise InputError(f"--option {text}: give NAME=VALUE, as in rho=0.1")
+    try:
+        return name, msgspec.json.decode(value.encode())
+    except (msgspec.DecodeError, ValueError):
+        return name, value
+
+
 def json_option() -> Callable:
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
 
@@ -78,11 +99,6 @@ def finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
     if value is not None and not abs(value) < float("inf"):
         raise click.BadParameter(f"{value} is not a finite number")
     return value
-
-
-def core_count() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 def workers_option() -> Callable:

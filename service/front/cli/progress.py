@@ -1,5 +1,8 @@
 """Progress bars on standard error, off when it is not a terminal."""
 
+from collections.abc import Callable
+
+import click
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -7,11 +10,14 @@ from rich.progress import (
     Progress,
     ProgressColumn,
     Task,
+    TaskID,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
 from rich.text import Text
+
+from service.analysis.run import Progress as Told
 
 stderr = Console(stderr=True)
 
@@ -37,3 +43,27 @@ def progress_bar() -> Progress:
         console=stderr,
         disable=not stderr.is_terminal,
     )
+
+
+class Shown:
+    """Shows how far a run is: a bar for each job, or, where there is no terminal, a line as each begins.
+
+    name: what a bar is called, of the job.
+    """
+
+    def __init__(self, bar: Progress, workers: int, name: Callable[[Told], str] = lambda told: told.job.id):
+        self._bar, self._name = bar, name
+        self._tasks: dict[tuple[str, str], TaskID] = {}
+        self._starting = bar.add_task(f"starting {workers} workers", total=None, note="")
+
+    def __call__(self, told: Told) -> None:
+        key = str(told.path), told.job.id
+        if key not in self._tasks:
+            self._bar.update(self._starting, visible=False)
+            self._tasks[key] = self._bar.add_task(self._name(told), total=told.total, note="")
+            if not stderr.is_terminal:
+                click.echo(
+                    f"{self._name(told)}: at most {told.total:,} rollouts on {told.workers} workers, run {told.path}",
+                    err=True,
+                )
+        self._bar.update(self._tasks[key], completed=told.rollouts, note=told.note)

@@ -8,10 +8,11 @@ import msgspec
 from service.analysis.exports import Exports, write_exports
 from service.analysis.failures.events import ORDERS, Order, events_of
 from service.analysis.failures.tell import failure_of
+from service.analysis.run.records import record_of
 from service.analysis.wording import significant
 from service.errors import InputError
 from service.front.cli.options import json_option, require_folder
-from service.front.cli.runs import method_option, open_record, run_argument
+from service.front.cli.runs import method_option, run_argument
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 
@@ -53,7 +54,7 @@ def command(
     }
     for what, path in files.items():
         require_folder(path, what)
-    record, _ = open_record(run, method)
+    record, _ = record_of(run, method)
     events = events_of(record)
     if not len(events):
         raise InputError(f"{run} has no dangerous rollout by {record.job.method}: there is none to replay")

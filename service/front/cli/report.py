@@ -4,7 +4,8 @@ from pathlib import Path
 
 import click
 
-from service.front.cli.options import core_count, workers_option
+from service.evaluation.cores import core_count
+from service.front.cli.options import workers_option
 
 
 @click.command()

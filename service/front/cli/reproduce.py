@@ -8,8 +8,9 @@ import click
 from rich.progress import Progress, TaskID
 
 from service.errors import InputError
+from service.evaluation.cores import core_count
 from service.front.cli.main import INTERRUPTED
-from service.front.cli.options import core_count, seed_option, workers_option
+from service.front.cli.options import seed_option, workers_option
 from service.front.cli.progress import progress_bar, stderr
 from service.studies.reproduce.black_box import black_box
 from service.studies.reproduce.local import Watch, carry_out

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from service.evaluation.cores import core_count
 from service.front.cli.api_options import ApiSettings, api_options, metrics_of
 from service.front.cli.dashboard import DEFAULT_ADDRESS, OFF, address_or_off
-from service.front.cli.options import core_count
 
 if TYPE_CHECKING:
     from service.remote.fleet.supervised import SupervisedProcess

@@ -4,11 +4,9 @@ from pathlib import Path
 from typing import Any
 
 import click
-import msgspec
 
-from service.errors import InputError
 from service.front.cli.client_options import client_options, echo_json
-from service.front.cli.options import finite, json_option, seed_option
+from service.front.cli.options import finite, json_option, option_of, option_option, seed_option
 from service.remote.client import Client
 
 METHODS = ("auto", "naive", "ce", "mixture", "splitting")
@@ -34,8 +32,7 @@ METHODS = ("auto", "naive", "ce", "mixture", "splitting")
 @click.option(
     "--confidence", type=click.FloatRange(0, 1, min_open=True, max_open=True), default=0.95, show_default=True
 )
-@click.option("--option", "options", multiple=True, metavar="NAME=VALUE",
-              help="Option of the method, as in rho=0.1; once for each.")  # fmt: skip
+@option_option()
 @seed_option()
 @click.option("--priority", type=click.IntRange(-100, 100), default=0, show_default=True,
               help="Of two jobs the one of higher priority goes first.")  # fmt: skip
@@ -63,14 +60,3 @@ def as_sent(scenario: str) -> str | dict[str, Any]:
     from service.world.scenario.load import read_toml
 
     return read_toml(Path(scenario), scenario)
-
-
-def option_of(text: str) -> tuple[str, Any]:
-    """NAME=VALUE: the value as JSON, or else as text."""
-    name, equals, value = text.partition("=")
-    if not name or not equals:
-        raise InputError(f"--option {text}: give NAME=VALUE, as in rho=0.1")
-    try:
-        return name, msgspec.json.decode(value.encode())
-    except (msgspec.DecodeError, ValueError):
-        return name, value

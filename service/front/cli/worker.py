@@ -11,7 +11,6 @@ from contextlib import suppress
 import click
 
 from service.evaluation.parent import end_with
-from service.front.cli.options import core_count
 
 NAME_LETTERS = set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_")
 DRAIN_HINT = "finishing what is being run; once more to stop at once"
@@ -40,6 +39,7 @@ def command(
     by the scheduler.
     """
     from service.errors import WorkerError
+    from service.evaluation.cores import core_count
     from service.remote.fleet.capabilities import capabilities
     from service.remote.fleet.worker import NotWanted, Worker
     from service.remote.fleet.zenoh_link import WorkerConnection, client_session

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from policies.egos import EgoPolicy, ego_names, load_ego
 from service.errors import EgoError, InputError
+from service.world.egos.here import HERE, REMOTE, check_held, make_held
 from service.world.egos.settings import PYTHON_EGO, EgoSettings
 from service.world.egos.sumo import NAMES as SUMO_EGOS
 from service.world.egos.sumo import PREFIX as SUMO
@@ -15,7 +16,6 @@ from service.world.sim.road import road_of
 from service.world.sim.rollout import FrameSource
 from sumo_nets.corridor import Corridor
 
-REMOTE = "zenoh:"
 SERVICE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
@@ -34,6 +34,8 @@ def check_ego(name: str, settings: EgoSettings | None = None) -> None:
             raise InputError(
                 f"ego {name!r}: the name of an ego service has 1 to 64 letters, digits, '.', '_' and '-'"
             )
+    elif name.startswith(HERE):
+        check_held(name)
     elif name.startswith(SUMO):
         if name not in SUMO_EGOS:
             raise InputError(f"ego {name!r}: of SUMO's car-following models there are {', '.join(SUMO_EGOS)}")
@@ -101,10 +103,14 @@ def meet_ego(name: str, scenario: Scenario, corridor: Corridor) -> None:
             close()
 
 
-def _python_ego(name: str) -> EgoPolicy:
+def _imported(name: str) -> EgoPolicy:
     module, _, cls = name.partition(":")
+    return getattr(importlib.import_module(module), cls)()
+
+
+def _python_ego(name: str) -> EgoPolicy:
     try:
-        ego = getattr(importlib.import_module(module), cls)()
+        ego = make_held(name) if name.startswith(HERE) else _imported(name)
     except Exception as error:  # whatever the user's module raises: name it, and what raised
         raise InputError(f"ego {name!r} cannot be made: {type(error).__name__}: {error}") from error
     for method in ("reset", "act"):

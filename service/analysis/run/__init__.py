@@ -1,0 +1,27 @@
+"""Runs on this machine as Python objects: what carries the command line, and what `import tailroad` gives.
+
+estimate.py    `tailroad.estimate`: a question asked, run and answered
+question.py    what was asked for, as jobs
+carry_out.py   runs jobs in a run directory, from wherever it stands: the one place that opens or creates one
+run.py         a run: its estimates, report, failures, replays and tables
+estimated.py   an estimate, the same from here and from a service
+show.py        runs and estimates as a notebook shows them
+"""
+
+from service.analysis.run.carry_out import Interrupted, Progress, carry_out, resume
+from service.analysis.run.estimate import estimate
+from service.analysis.run.estimated import Estimated
+from service.analysis.run.question import jobs_of
+from service.analysis.run.run import Replay, Run
+
+__all__ = [
+    "Estimated",
+    "Interrupted",
+    "Progress",
+    "Replay",
+    "Run",
+    "carry_out",
+    "estimate",
+    "jobs_of",
+    "resume",
+]

@@ -1,0 +1,55 @@
+"""An estimate as it is told: the same of a run directory, of a service's job, and in `tailroad estimate --json`."""
+
+from typing import Any
+
+import msgspec
+
+import ce
+from service.analysis.estimate_parts import EstimateWarning, Rollouts
+from service.analysis.run.show import estimate_html
+from service.evaluation.job import Job
+from service.evaluation.summary import Cost, json_ready, summary_of
+
+
+class Estimated(msgspec.Struct, frozen=True, kw_only=True):
+    """p = P0(f(X) <= gamma), how sure that is, and what it cost. Numbers that are not known are None.
+
+    job: its id; ci: interval of p at level `confidence`; unit: of gamma; ess: effective events; workers, wall_s: of
+    this sitting; worker_s, sim_s: of all.
+    """
+
+    job: str
+    p: float | None
+    std_error: float | None
+    ci: tuple[float, float]
+    confidence: float
+    gamma: float
+    method: str
+    rollouts: Rollouts
+    events: int
+    ess: float | None
+    max_weight_share: float | None
+    efficiency_vs_naive: float | None
+    variance_reliable: bool
+    converged: bool
+    warnings: tuple[EstimateWarning, ...]
+    scenario: str
+    ego: str
+    seed: int
+    options: dict[str, Any]
+    tailroad: str
+    workers: int
+    wall_s: float
+    worker_s: float
+    sim_s: float
+    x_realtime_per_core: float | None
+    unit: str = ""
+    measure: str = ""
+
+    def _repr_html_(self) -> str:
+        return estimate_html(self)
+
+
+def estimated(job: Job, estimate: ce.Estimate, cost: Cost) -> Estimated:
+    """What a job came to."""
+    return msgspec.convert(json_ready(summary_of(job, estimate, cost)) | {"job": job.id}, Estimated)

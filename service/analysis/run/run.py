@@ -1,0 +1,186 @@
+"""A run on this machine: what was estimated, and everything that can be made of its record."""
+
+import json
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import polars as pl
+
+import ce
+from service.analysis.exports import SUFFIXES, export_bytes
+from service.analysis.exposure import exposure_of
+from service.analysis.failures.events import Order, events_of
+from service.analysis.failures.examine import EXAMINED, Watch, look_away
+from service.analysis.failures.find import find_failures
+from service.analysis.failures.objects import Failures
+from service.analysis.failures.rerun import Rerunner
+from service.analysis.report import write_report
+from service.analysis.risk import Risk, risk_of
+from service.analysis.run.estimated import Estimated, estimated
+from service.analysis.run.records import record_of, write_file
+from service.analysis.run.show import estimates_html
+from service.errors import InputError
+from service.evaluation.job import Job, Problem
+from service.evaluation.pool import OUTCOME_NAMES
+from service.evaluation.record import JobRecord
+from service.evaluation.store import RunDirectory
+from service.evaluation.store.export import table_of
+from service.evaluation.summary import Cost, comparisons, json_ready, summary_of
+
+
+class Run:
+    """A run directory that has been run to its end.
+
+    path: of the directory; jobs: in it; results: of each as ce gives it, by id; workers: processes that runs again use.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        jobs: Sequence[Job],
+        results: dict[str, ce.Estimate],
+        costs: dict[str, Cost],
+        workers: int,
+    ):
+        self.path, self.jobs, self.results, self.workers = path, tuple(jobs), results, workers
+        self._costs = costs
+
+    def __repr__(self) -> str:
+        e = self.estimate
+        p = "not known" if e.p is None else f"{e.p:.3g}"
+        return f"<Run {self.path}: {len(self.jobs)} job(s); {e.job}: p = {p}, {e.ci[0]:.3g} to {e.ci[1]:.3g}>"
+
+    def _repr_html_(self) -> str:
+        return estimates_html(list(self.estimates.values()), str(self.path))
+
+    @cached_property
+    def estimates(self) -> dict[str, Estimated]:
+        """What each job came to, by id."""
+        return {job.id: estimated(job, self.results[job.id], self._costs[job.id]) for job in self.jobs}
+
+    @property
+    def estimate(self) -> Estimated:
+        """What the run came to; of several jobs, the first."""
+        return self.estimates[self.jobs[0].id]
+
+    @property
+    def imprecise(self) -> bool:
+        """Whether the precision asked for was not reached."""
+        return any(e.rel_error is not None and not e.converged for e in self.results.values())
+
+    def save(self, risks: dict[str, Risk]) -> dict[str, Any]:
+        """Write result.json into the run directory; what it says: one estimate, or several and their comparison."""
+        told = [
+            summary_of(job, self.results[job.id], self._costs[job.id])
+            | {"risk": json_ready(msgspec.to_builtins(risks.get(job.id)))}
+            for job in self.jobs
+        ]
+        for job, one in zip(self.jobs, told, strict=True):
+            if job.name:
+                one["job"] = job.id
+        compared = comparisons(self.jobs, self.results)
+        result = told[0] if len(told) == 1 else {"estimates": told, "comparison": compared}
+        (self.path / "result.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+        return result
+
+    def record(self, job: str | None = None, gamma: float | None = None) -> JobRecord:
+        """The record of a job, replayed; gamma: another threshold than its own."""
+        return record_of(self.path, job, gamma)[0]
+
+    def to_polars(self) -> pl.DataFrame:
+        """Every rollout, a row each: job, phase, iteration, row, f, outcome, steps, error, worker."""
+        with RunDirectory.open(self.path) as store:
+            return table_of({job.id: store.record.with_origins(job.id) for job in store.jobs}, OUTCOME_NAMES)
+
+    def report(self, path: str | Path | None = None) -> Path:
+        """Write the HTML report to `path` (default: report.html in the run directory) and its facts beside it, as
+        .json; the page's path."""
+        with RunDirectory.open(self.path) as store:
+            return write_report(store, None if path is None else Path(path), workers=self.workers)
+
+    def risks(self) -> dict[str, Risk]:
+        """The estimates as rates per million km, by job. WorkerError where no rollout can be run to measure how far the
+        ego drives."""
+        job = self.jobs[0]
+        with Rerunner(job) as rerunner:
+            exposure = exposure_of(job, Problem(job).base, rerunner, folder=self.path)
+        if exposure is None:
+            return {}
+        return {job.id: risk_of(job, self.results[job.id], exposure) for job in self.jobs}
+
+    def failures(
+        self,
+        limit: int = 20,
+        by: Order = "likelihood",
+        job: str | None = None,
+        examine: int = EXAMINED,
+        watch: Watch = look_away,
+    ) -> Failures:
+        """How the ego fails: the failure modes, and the first `limit` dangerous rollouts in the order asked for.
+
+        by: likelihood, weight or f; job: default the one with most dangerous rollouts; examine: dangerous rollouts at
+        most that are run again and grouped; watch: told of (done, total).
+        """
+        record, _ = record_of(self.path, job)
+        with Rerunner(record.job, self.workers) as rerunner:
+            found = find_failures(self.path.name, record, rerunner, by, limit, examine, self.path, watch)
+        return found.failures
+
+    def replay(self, rank: int, by: Order = "likelihood", job: str | None = None) -> "Replay":
+        """The dangerous rollout at that rank of `failures`, to be looked at."""
+        return Replay(self.path, record_of(self.path, job)[0], rank, by)
+
+
+class Replay:
+    """A dangerous rollout once more, in every form that it can be looked at. Each method runs it again, in a process of
+    its own, writes a file and gives back its path."""
+
+    def __init__(self, run: Path, record: JobRecord, rank: int, by: Order = "likelihood"):
+        self.record, self.rank, self.by = record, rank, by
+        self.events = events_of(record)
+        if not len(self.events):
+            raise InputError(f"{run} has no dangerous rollout by {record.job.id}: there is none to replay")
+        if not 1 <= rank <= len(self.events):
+            raise InputError(
+                f"rank {rank}: {run} has {len(self.events)} dangerous rollouts by {record.job.id}, counted from 1"
+            )
+        self.position = int(self.events.ranking(by)[rank - 1])
+        self.title = f"{run.name}, rank {rank} by {by}"
+
+    def __repr__(self) -> str:
+        return f"<Replay {self.title}: f = {self.f:.3g}>"
+
+    @property
+    def f(self) -> float:
+        """Its safety value, on record."""
+        return float(self.events.f[self.position])
+
+    def video(self, path: str | Path) -> Path:
+        """A film from above and from the ego's camera (.mp4)."""
+        return self._write("mp4", path)
+
+    def recording(self, path: str | Path) -> Path:
+        """A recording for Foxglove and other viewers of robot logs (.mcap)."""
+        return self._write("mcap", path)
+
+    def scenario(self, path: str | Path) -> Path:
+        """A scenario file that holds this one rollout (.toml); `tailroad rollout FILE` runs it to the same bit."""
+        return self._write("scenario", path)
+
+    def fcd(self, path: str | Path) -> Path:
+        """SUMO's floating-car data (.xml)."""
+        return self._write("fcd", path)
+
+    def trace(self, path: str | Path) -> Path:
+        """Every vehicle at every step (.parquet)."""
+        return self._write("table", path)
+
+    def _write(self, form: str, path: str | Path) -> Path:
+        return write_file(Path(path), SUFFIXES[form], lambda: self._bytes(form))
+
+    def _bytes(self, form: str) -> bytes:
+        ((x, noise_seed),) = self.events.drawn([self.position])
+        return export_bytes(self.record.job, x, noise_seed, self.title, form)

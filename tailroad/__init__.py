@@ -1,0 +1,31 @@
+"""How probable is a dangerous event for this driving policy in real traffic, how sure are we, and how does it fail?
+
+    import tailroad
+
+    run = tailroad.estimate("i80-10s", ego="lidar", gamma=0.5, budget=20_000)
+    run.estimate.p, run.estimate.ci
+    run.report("out.html")
+    run.failures()
+    run.replay(1).video("worst.mp4")
+    run.to_polars()
+
+estimate      ask, run and answer; resume goes on with a run that was interrupted
+Run, Replay   what it gives
+"""
+
+from service.analysis.run import Estimated, Interrupted, Progress, Replay, Run, estimate, resume
+from service.errors import TailroadError
+from service.world.scenario import Scenario, load_scenario
+
+__all__ = [
+    "Estimated",
+    "Interrupted",
+    "Progress",
+    "Replay",
+    "Run",
+    "Scenario",
+    "TailroadError",
+    "estimate",
+    "load_scenario",
+    "resume",
+]
