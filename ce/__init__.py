@@ -18,6 +18,7 @@ from ce.errors import (
     ThresholdError,
 )
 from ce.estimate_warnings import EstimateWarning
+from ce.further_marginals import TruncatedLogNormal, TwoNormals
 from ce.marginals import Exponential, Gumbel, LogNormal, Marginal, TruncatedNormal, Uniform, Weibull
 from ce.mixture import MixtureOptions, MixtureSampling
 from ce.naive import Naive, NaiveOptions
@@ -83,7 +84,9 @@ __all__ = [
     "ThresholdError",
     "Trace",
     "TrainingRecord",
+    "TruncatedLogNormal",
     "TruncatedNormal",
+    "TwoNormals",
     "Uniform",
     "Weibull",
     "White",

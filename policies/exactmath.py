@@ -21,6 +21,10 @@ _LN2_LOW = 1.2996506893889889e-08
 _SIN = tuple((-1.0) ** k / math.factorial(2 * k + 1) for k in range(9))
 _COS = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(10))
 _EXP = tuple(1.0 / math.factorial(k) for k in range(15))
+_ERFC = (
+    -1.26551223, 1.00002368, 0.37409196, 0.09678418, -0.18628806, 0.27886807, -1.13520398, 1.48851587, -0.82215223,
+    0.17087277,
+)  # fmt: skip
 _ATANH = tuple(1.0 / (2 * k + 1) for k in range(12))
 
 
@@ -130,3 +134,29 @@ def normals_from_bits(bits: np.ndarray, out: np.ndarray) -> None:
     for i in range(bits.shape[0]):
         # the top 52 bits as the centre of one of 2^52 equal cells: never 0 or 1
         out[i] = normal_quantile((np.float64(bits[i] >> np.uint64(12)) + 0.5) * 2.220446049250313e-16)
+
+
+@kernel
+def normal_tail(z: float) -> float:
+    """The probability that a standard normal exceeds z, to a relative error of about 1e-7.
+
+    The complementary error function as t exp(-x^2 + polynomial(t)), t = 1 / (1 + x / 2), with the Chebyshev
+    coefficients of Press et al., Numerical Recipes, section 6.2.
+    """
+    x = abs(z) * 0.7071067811865476
+    t = 1.0 / (1.0 + 0.5 * x)
+    y = 0.0
+    for k in range(9, -1, -1):
+        y = y * t + _ERFC[k]
+    tail = 0.5 * t * exp(max(y - x * x, -700.0))
+    return tail if z >= 0.0 else 1.0 - tail
+
+
+@kernel
+def arcsine(y: float) -> float:
+    """The angle in radians whose sine is y, for |y| up to 0.95: Newton's method from the cubic."""
+    angle = y + y * y * y / 6.0
+    for _ in range(6):
+        sine, cosine = sincos(angle)
+        angle -= (sine - y) / cosine
+    return angle

@@ -17,6 +17,8 @@ FAMILIES = [
     (ce.TruncatedNormal(1.0, 2.0, 0.0, 4.0), stats.truncnorm(-0.5, 1.5, 1.0, 2.0)),
     (ce.TruncatedNormal(0.0, 1.0, 3.0), stats.truncnorm(3.0, np.inf)),
     (ce.TruncatedNormal(0.0, 1.0, high=-3.0), stats.truncnorm(-np.inf, -3.0)),
+    (ce.TruncatedLogNormal(0.5, 0.8), stats.lognorm(0.8, scale=math.exp(0.5))),
+    (ce.TwoNormals(0.3, 0.7, 0.7, -1.0, 2.0), stats.truncnorm(-1 / 0.7, 2 / 0.7, 0.0, 0.7)),
 ]
 IDS = [f"{type(ours).__name__}-{i}" for i, (ours, _) in enumerate(FAMILIES)]
 
@@ -91,3 +93,35 @@ def test_values_outside_the_support_are_refused():
     for block in (ce.Uniform(0.0, 1.0), ce.Exponential(), ce.LogNormal(), ce.TruncatedNormal(0, 1, -1, 0.5)):
         with pytest.raises(ce.FamilyError, match="support"):
             ce.Product([block]).log_density([[-1.5]])
+
+
+def test_a_lognormal_tail_is_the_distribution_given_that():
+    tail = ce.TruncatedLogNormal(-0.3, 0.65, 1.5, 4.0)
+    x = np.linspace(1.5, 4.0, 21)[1:-1]
+    whole = stats.lognorm(0.65, scale=math.exp(-0.3))
+    below = (whole.cdf(x) - whole.cdf(1.5)) / (whole.cdf(4.0) - whole.cdf(1.5))
+    np.testing.assert_allclose(stats.norm.cdf(tail.to_standard(x)), below, rtol=1e-9)
+    np.testing.assert_allclose(tail.from_standard(tail.to_standard(x)), x, rtol=1e-9)
+
+
+def test_two_normals_mix():
+    mixed = ce.TwoNormals(0.1, 0.1, 0.5, -2.0, 2.0)
+    u = np.linspace(-4.0, 4.0, 33)
+    x = mixed.from_standard(u)
+    whole = 0.1 * stats.norm.cdf(x / 0.5) + 0.9 * stats.norm.cdf(x / 0.1)
+    np.testing.assert_allclose(whole, stats.norm.cdf(u), atol=1e-4)
+    np.testing.assert_allclose(mixed.from_standard(-u), -x, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: ce.TruncatedLogNormal(0.0, 1.0, -1.0, 2.0),
+        lambda: ce.TwoNormals(1.2, 0.1, 0.5, -1.0, 1.0),
+        lambda: ce.TwoNormals(0.2, 0.5, 0.1, -1.0, 1.0),
+        lambda: ce.TwoNormals(0.2, 0.1, 0.5, -math.inf, 1.0),
+    ],
+)
+def test_wrong_parameters_of_these_are_refused(make):
+    with pytest.raises(ce.FamilyError):
+        make()

@@ -224,3 +224,23 @@ def test_the_search_in_the_machine_code_finds_what_it_looks_for(machine_code):
 def _processor_flags() -> set[str]:
     path = Path("/proc/cpuinfo")
     return set(path.read_text(encoding="utf-8").split()) if path.is_file() else set()
+
+
+@njit
+def _tail_all(z):
+    return np.array([exactmath.normal_tail(v) for v in z])
+
+
+@njit
+def _arcsine_all(y):
+    return np.array([exactmath.arcsine(v) for v in y])
+
+
+def test_the_normal_tail_is_right_to_a_few_in_ten_million():
+    z = uniform(-8.0, 30.0)
+    np.testing.assert_allclose(_tail_all(z), stats.norm.sf(z), rtol=3e-7)
+
+
+def test_the_arcsine_inverts_the_sine():
+    y = uniform(-0.95, 0.95)
+    np.testing.assert_allclose(_arcsine_all(y), np.arcsin(y), atol=1e-15, rtol=1e-15)

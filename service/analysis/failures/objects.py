@@ -31,7 +31,9 @@ class Failure(msgspec.Struct, frozen=True, kw_only=True):
     kind: str | None  # by the rules, for this rollout alone
     other: str | None  # the vehicle that the smallest value is to; None: background traffic
     motion: Motion | None
-    starts: dict[str, dict[str, float]]  # by vehicle: station_m, lane_offset_m, heading_deg, speed_mps
+    starts: dict[
+        str, dict[str, float]
+    ]  # by vehicle: station_m, lane_offset_m, heading_deg or lateral_mps, speed_mps
 
 
 class Mode(msgspec.Struct, frozen=True, kw_only=True):

@@ -18,7 +18,7 @@ from service.analysis.failures.shares import (
     share_interval,
 )
 from service.analysis.failures.typical import typical
-from service.world.scenario.base import PER_VEHICLE
+from service.world.scenario.base import STARTS
 
 
 def failure_of(events: Events, i: int, again: Rerun, rank: int, mode: str | None = None) -> Failure:
@@ -26,6 +26,7 @@ def failure_of(events: Events, i: int, again: Rerun, rank: int, mode: str | None
     record = events.record
     ((x, noise_seed),) = events.drawn([i])
     vehicles = record.job.scenario.vehicles
+    names = record.job.scenario.start_names
     f = float(events.f[i])
     return Failure(
         rank=rank,
@@ -46,7 +47,7 @@ def failure_of(events: Events, i: int, again: Rerun, rank: int, mode: str | None
         other=None if again.motion is None else vehicles[again.motion.other].name,
         motion=again.motion,
         starts={
-            vehicle.name: dict(zip(PER_VEHICLE, x[4 * j : 4 * j + 4].tolist(), strict=True))
+            vehicle.name: dict(zip(names, x[STARTS * j : STARTS * (j + 1)].tolist(), strict=True))
             for j, vehicle in enumerate(vehicles)
         },
     )

@@ -23,7 +23,8 @@ class Spread(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Parameter(msgspec.Struct, frozen=True, kw_only=True):
-    """A start (or weather) that is random in the scenario, under P0 and as the search has it.
+    """A start (or weather, or cause of a driver's error) that is random in the scenario, under P0 and as the search
+    has it.
 
     shift_sd: how far the mean has moved, in standard deviations under P0; shift_sd_ci: its interval; sentence: empty
     where the shift may be chance or is too small to matter.
@@ -31,7 +32,9 @@ class Parameter(msgspec.Struct, frozen=True, kw_only=True):
 
     name: str
     vehicle: str  # "" for the weather
-    kind: Literal["position", "offset", "heading", "speed", "weather"]
+    kind: Literal[
+        "position", "offset", "heading", "lateral speed", "speed", "weather", "reaction", "glance", "noise"
+    ]
     unit: str
     base: Spread
     proposal: Spread | None

@@ -13,7 +13,8 @@ from service.analysis.learned.objects import Parameter, Spread
 from service.analysis.learned.spreads import sample_spread, spread_of
 from service.analysis.learned.words import shift_sentence
 from service.evaluation.record import JobRecord
-from service.world.scenario.base import PER_VEHICLE, WEATHER
+from service.world.scenario.base import WEATHER
+from service.world.scenario.causes import cause_names
 from service.world.scenario.schema import Scenario
 
 MOST_DRAWS = 4000  # dangerous rollouts whose starts are looked at: shifts to within 0.02 standard deviations
@@ -23,6 +24,11 @@ KINDS = {
     "station_m": ("position", "m"),
     "lane_offset_m": ("offset", "m"),
     "heading_deg": ("heading", "deg"),
+    "lateral_mps": ("lateral speed", "m/s"),
+    "reaction_s": ("reaction", "s"),
+    "glance_onset_s": ("glance", "s"),
+    "glance_duration_s": ("glance", "s"),
+    "glance_leak": ("glance", ""),
     "speed_mps": ("speed", "m/s"),
 }
 UNITS = {"sun_elevation_deg": "deg", "sun_azimuth_deg": "deg", "visibility_m": "m", "rain_mmph": "mm/h"}
@@ -80,7 +86,8 @@ def parameters_of(
     ess: float | None,
     confidence: float,
 ) -> list[Parameter]:
-    """Every start and the weather; proposal: of which the second column is, else it is of the draws.
+    """Every start, the weather and the drivers' causes; proposal: of which the second column is, else it is of the
+    draws.
 
     The intervals hold together with the confidence asked for (Bonferroni).
     """
@@ -95,8 +102,12 @@ def parameters_of(
 
 def _names(scenario: Scenario) -> Sequence[tuple[str, str]]:
     """(vehicle, key) of the coordinates of X before the driver weights."""
-    names = [(vehicle.name, key) for vehicle in scenario.vehicles for key in PER_VEHICLE]
-    return names + ([] if scenario.weather is None else [("", key) for key in WEATHER])
+    names = [(vehicle.name, key) for vehicle in scenario.vehicles for key in scenario.start_names]
+    names += [] if scenario.weather is None else [("", key) for key in WEATHER]
+    for name in cause_names(scenario):
+        vehicle, _, key = name.partition(".")
+        names.append((vehicle, key))
+    return names
 
 
 def _parameter(
@@ -110,7 +121,7 @@ def _parameter(
     ess: float | None,
     sure: float,
 ) -> Parameter:
-    kind, unit = KINDS.get(key, ("weather", UNITS.get(key, "")))
+    kind, unit = KINDS.get(key, ("noise", "") if vehicle else ("weather", UNITS.get(key, "")))
     before = spread_of(_block(base, column))
     after: Spread | None = None
     half = math.inf

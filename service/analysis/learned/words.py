@@ -8,6 +8,15 @@ SHIFTS = {  # a start as the search has it against P0: more, less
     "station_m": ("starts {} m further ahead", "starts {} m further back"),
     "lane_offset_m": ("starts {} m further left in its lane", "starts {} m further right in its lane"),
     "heading_deg": ("starts turned {}° more to the left", "starts turned {}° more to the right"),
+    "lateral_mps": ("starts {} m/s faster to the left", "starts {} m/s faster to the right"),
+    "reaction_s": ("reacts {} s later", "reacts {} s sooner"),
+    "glance_onset_s": ("first looks away for long {} s later", "first looks away for long {} s sooner"),
+    "glance_duration_s": ("looks away {} s longer", "looks away {} s shorter"),
+    "glance_leak": ("looks away in a conflict less often ({})", "looks away in a conflict more often ({})"),
+    "acceleration_mode_1": ("presses on: {} in its noise", "holds back: {} in its noise"),
+    "acceleration_mode_2": ("slows first, then presses on: {}", "presses on first, then slows: {}"),
+    "turn_rate_mode_1": ("steers to the left: {} in its noise", "steers to the right: {} in its noise"),
+    "turn_rate_mode_2": ("steers right first, then left: {}", "steers left first, then right: {}"),
 }
 
 
@@ -22,7 +31,7 @@ def shift_sentence(scenario: Scenario, vehicle: str, key: str, base: Spread, pro
         means = f"{significant(proposal.mean)} instead of {significant(base.mean)} m/s"
         share = f"{significant(100.0 * abs(amount) / base.mean, 2)}% " if base.mean > 0.0 else ""
         return f"{who} starts {share}{'faster' if amount > 0 else 'slower'} ({means})"
-    more, less = SHIFTS[key]
+    more, less = SHIFTS.get(key, (f"has more {key}: {{}}", f"has less {key}: {{}}"))
     return f"{who} {(more if amount > 0 else less).format(significant(abs(amount), 2))}"
 
 

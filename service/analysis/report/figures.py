@@ -12,7 +12,7 @@ from service.analysis.report.ink import Picture
 from service.analysis.report.words import METHOD_NAMES, PARAMETER_NAMES
 from service.analysis.wording import count, percent, quantity, significant
 from service.evaluation.record import JobRecord
-from service.world.scenario.base import PER_VEHICLE
+from service.world.scenario.base import STARTS
 from service.world.scenario.measures import measure_kind
 
 Facts = dict[str, Any]
@@ -59,12 +59,12 @@ def learned_pictures(record: JobRecord, learned: Facts) -> list[Picture]:
     proposal = record.proposal
     if learned["source"] == "proposal" and proposal is not None:
         return [
-            *(marginals(record, proposal, j) for j in range(len(PER_VEHICLE))),
+            *(marginals(record, proposal, j) for j in range(STARTS)),
             driver_shifts(record, proposal),
         ]
     if learned["source"] == "none":
         return []
-    return [spreads(record, learned, j) for j in range(len(PER_VEHICLE))]
+    return [spreads(record, learned, j) for j in range(STARTS)]
 
 
 def estimate_against_rollouts(jobs: Sequence[Facts]) -> Picture:
@@ -326,8 +326,8 @@ def marginals(record: JobRecord, proposal: ce.Product, parameter: int) -> Pictur
     """Base and proposal densities of one start parameter, a row a vehicle."""
     base = record.problem.base
     vehicles = record.job.scenario.vehicles
-    name, unit = PARAMETER_NAMES[PER_VEHICLE[parameter]]
-    columns = [len(PER_VEHICLE) * i + parameter for i in range(len(vehicles))]
+    name, unit = PARAMETER_NAMES[record.job.scenario.start_names[parameter]]
+    columns = [STARTS * i + parameter for i in range(len(vehicles))]
     # cell centres: at the very ends a density may be infinite
     cells = (np.arange(GRID) + 0.5) / GRID
     grids = [low + (high - low) * cells for low, high in map(base.marginal_range, columns)]
@@ -362,10 +362,9 @@ def marginals(record: JobRecord, proposal: ce.Product, parameter: int) -> Pictur
 def spreads(record: JobRecord, learned: Facts, parameter: int) -> Picture:
     """Quantiles of one start under P0 and in the dangerous rollouts, a row a vehicle."""
     vehicles = record.job.scenario.vehicles
-    name, unit = PARAMETER_NAMES[PER_VEHICLE[parameter]]
-    mine = [
-        p for p in learned["parameters"] if p["name"].endswith(f".{PER_VEHICLE[parameter]}") and p["vehicle"]
-    ]
+    key = record.job.scenario.start_names[parameter]
+    name, unit = PARAMETER_NAMES[key]
+    mine = [p for p in learned["parameters"] if p["name"].endswith(f".{key}") and p["vehicle"]]
     colour = ink.colour(record.job.method)
     sentences = []
     with ink.figure(0.75 + 0.33 * len(vehicles)) as drawn:

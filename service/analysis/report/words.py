@@ -22,6 +22,7 @@ PARAMETER_NAMES = {
     "station_m": ("position along the road", "m"),
     "lane_offset_m": ("offset from the lane's centre", "m"),
     "heading_deg": ("heading", "deg"),
+    "lateral_mps": ("speed across the lane", "m/s"),
     "speed_mps": ("speed", "m/s"),
 }
 FLAGS = (  # options that `tailroad estimate` has a flag for

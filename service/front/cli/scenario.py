@@ -10,7 +10,7 @@ from rich.table import Table
 
 from policies.drivers import load_drivers
 from service.world.safety.measure import open_monitor
-from service.world.scenario.base import PER_VEHICLE, base_distribution
+from service.world.scenario.base import STARTS, base_distribution
 from service.world.scenario.check import check_road
 from service.world.scenario.load import FOLDER, built_in_names, load_scenario
 from service.world.scenario.renamed import to_written
@@ -64,5 +64,5 @@ def check(scenarios: tuple[str, ...]) -> None:
         click.echo(
             f"{name}: good. {len(scenario.vehicles)} vehicles on {road.name}, {road.length_m:.0f} m, "
             f"{road.lane_left.shape[0]} lanes; at most {scenario.steps} steps of {scenario.time.step_s:g} s; "
-            f"X has {base.dim} dimensions ({len(PER_VEHICLE)} a vehicle and the driver weights)"
+            f"X has {base.dim} dimensions ({STARTS} a vehicle and the driver weights)"
         )

@@ -8,11 +8,13 @@ import numpy as np
 from policies.layout import HEAD_SIZE
 from service.errors import ScenarioError
 from service.world.scenario.check_camera import check_camera
+from service.world.scenario.check_human import check_human, check_lateral, steepest
 from service.world.scenario.measures import split_measure
 from service.world.scenario.schema import (
     Beta,
     Distribution,
     Fixed,
+    NormalMixture,
     RandomWeather,
     Rss,
     Scenario,
@@ -26,11 +28,12 @@ MAX_VEHICLES = 64
 MAX_STEPS = 100_000
 MAX_SEARCHED = 20_000  # standard normals of action noise that a search may have to move
 MAX_SPEED_MPS = 70.0
-DISTRIBUTIONS = ("station_m", "lane_offset_m", "heading_deg", "speed_mps")
+DISTRIBUTIONS = ("station_m", "lane_offset_m", "heading_deg", "lateral_mps", "speed_mps")
 # the widest values that make sense, and what a value beyond them usually is
 PLAUSIBLE = {
     "lane_offset_m": (-10.0, 10.0, "an offset from the lane's centre is a few metres at most"),
     "heading_deg": (-90.0, 90.0, "a heading is relative to the lane, within 90 degrees"),
+    "lateral_mps": (-5.0, 5.0, "nobody moves across faster than 5 m/s"),
     "speed_mps": (
         0.0,
         MAX_SPEED_MPS,
@@ -73,6 +76,7 @@ def check_values(scenario: Scenario, source: str) -> None:
         refuse("safety.rays", scenario.safety.rays, "give 1 to 3600 rays; the paper uses 20")
     if not 1 <= len(scenario.vehicles) <= MAX_VEHICLES:
         refuse("vehicles", len(scenario.vehicles), f"give 1 to {MAX_VEHICLES} vehicles")
+    check_lateral(scenario, refuse)
     egos = [v.name for v in scenario.vehicles if v.role == "ego"]
     if len(egos) != 1:
         refuse("vehicles", egos, 'exactly one vehicle must have role = "ego"')
@@ -87,7 +91,7 @@ def check_values(scenario: Scenario, source: str) -> None:
             size = scenario.of(vehicle, key)
             if not 0.3 <= size <= 30.0:
                 refuse(_key(vehicle, i, key), size, "vehicles are 0.3 to 30 m; check the unit")
-        for key in DISTRIBUTIONS:
+        for key in scenario.start_names:
             _check_distribution(scenario.of(vehicle, key), key, _key(vehicle, i, key), refuse)
     background = scenario.background
     if background is not None:
@@ -100,6 +104,7 @@ def check_values(scenario: Scenario, source: str) -> None:
         if not 0.0 < background.speed_mps <= MAX_SPEED_MPS:
             refuse("background.speed_mps", background.speed_mps, f"give above 0 up to {MAX_SPEED_MPS:g} m/s")
     _check_noise_mode(scenario, refuse)
+    check_human(scenario, refuse)
     check_camera(scenario, refuse)
     for key in () if scenario.weather is None else RandomWeather.__struct_fields__:
         _check_distribution(getattr(scenario.weather, key), key, f"weather.{key}", refuse)
@@ -167,6 +172,11 @@ def _check_distribution(dist: Distribution, kind: str, key: str, refuse) -> None
             refuse(
                 f"{key}.mean", dist.mean, f"more than six deviations outside {dist.low:g} to {dist.high:g}"
             )
+    if isinstance(dist, NormalMixture):
+        if not 0.0 <= dist.share <= 1.0:
+            refuse(f"{key}.share", dist.share, "a probability lies between 0 and 1")
+        if not 0.0 < dist.narrow <= dist.wide:
+            refuse(f"{key}.narrow", dist.narrow, f"give above 0, up to `wide` ({dist.wide:g})")
     if kind in PLAUSIBLE:
         low, high, remedy = PLAUSIBLE[kind]
         for end in ("low", "high"):
@@ -193,6 +203,10 @@ def _check_fixed(scenario: Scenario, fixed: Fixed, refuse) -> None:
         refuse("fixed.starts", given, f"give one start for each vehicle: {', '.join(wanted)}")
     for i, start in enumerate(fixed.starts):
         for key, (low, high, remedy) in PLAUSIBLE.items():
+            if key not in scenario.start_names:
+                continue
+            if getattr(start, key) is None:
+                refuse(f"fixed.starts[{i}].{key}", None, "missing; the scenario draws this value")
             if not low <= getattr(start, key) <= high:
                 refuse(f"fixed.starts[{i}].{key}", getattr(start, key), remedy)
     if len(fixed.driver_weights) != HEAD_SIZE:
@@ -242,8 +256,7 @@ def _check_side_by_side(scenario: Scenario, source: str, corridor: Corridor) -> 
 
 def _reach_m(scenario: Scenario, vehicle: Vehicle) -> tuple[float, float]:
     """How far the vehicle's box can reach to the right (negative) and left of its lane's centre at the start."""
-    heading = scenario.of(vehicle, "heading_deg")
-    turned = math.radians(max(abs(heading.low), abs(heading.high)))
+    turned = steepest(scenario, vehicle)
     length, width = scenario.of(vehicle, "length_m"), scenario.of(vehicle, "width_m")
     half = 0.5 * (width * math.cos(turned) + length * math.sin(turned))
     offset = scenario.of(vehicle, "lane_offset_m")

@@ -16,16 +16,17 @@ import tomli_w
 import ce
 from policies.layout import HEAD_SIZE
 from service.errors import ScenarioError
-from service.world.scenario.base import PER_VEHICLE
 from service.world.scenario.renamed import to_written
 from service.world.scenario.schema import Fixed, FixedStart, Scenario
+
+STARTS = tuple(key for key in FixedStart.__struct_fields__ if key != "name")
 
 
 def fixed_of(scenario: Scenario, base: ce.Product, x: np.ndarray, noise_seed: int) -> Fixed:
     """The fixed rollout that x (d,), a draw from P0, and its noise seed stand for."""
     values = dict(zip(_names(base), x.tolist(), strict=True))
     starts = tuple(
-        FixedStart(name=v.name, **{key: values.pop(f"{v.name}.{key}") for key in PER_VEHICLE})
+        FixedStart(name=v.name, **{key: values.pop(f"{v.name}.{key}") for key in scenario.start_names})
         for v in scenario.vehicles
     )
     weights = tuple(values.pop(f"xi[{i}]") for i in range(HEAD_SIZE))
@@ -45,7 +46,12 @@ def fixed_draw(base: ce.Product, fixed: Fixed, weights_sha256: str, source: str)
             f"the drivers' weights are others now ({weights_sha256}), and would drive otherwise; use the tailroad that "
             "wrote this file, or remove this line to see what its values come to with today's weights",
         )
-    values = {f"{start.name}.{key}": getattr(start, key) for start in fixed.starts for key in PER_VEHICLE}
+    values = {
+        f"{start.name}.{key}": value
+        for start in fixed.starts
+        for key in STARTS
+        if (value := getattr(start, key)) is not None
+    }
     values |= {f"xi[{i}]": weight for i, weight in enumerate(fixed.driver_weights)}
     values |= fixed.others
     names = _names(base)

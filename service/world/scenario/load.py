@@ -116,8 +116,30 @@ def parse_scenario(data: dict[str, Any], source: str, folder: Path) -> Scenario:
 
 
 def digest(scenario: Scenario) -> str:
-    """A hash of everything the scenario file says; paths are part of it, the files they name are not."""
-    return hashlib.sha256(msgspec.json.encode(scenario, order="deterministic")).hexdigest()[:16]
+    """A hash of everything the scenario file says; paths are part of it, the files they name are not.
+
+    A scenario that does not use what later versions brought keeps its hash.
+    """
+    said = without_later(msgspec.to_builtins(scenario, order="deterministic"))
+    return hashlib.sha256(msgspec.json.encode(said)).hexdigest()[:16]
+
+
+LATER = {  # fields of tables that later versions brought, with the value that means what scenarios meant before
+    "human": None,
+    "lateral_mps": None,
+    "lateral_offset_gain": 0.0,
+    "lateral_full_mps": 7.0,
+    "lateral_speed_power": 1.0,
+}
+
+
+def without_later(value: Any) -> Any:
+    """A scenario's tables without the later fields that are as they were before there were any."""
+    if isinstance(value, dict):
+        return {k: without_later(v) for k, v in value.items() if k not in LATER or v != LATER[k]}
+    if isinstance(value, (list, tuple)):
+        return [without_later(item) for item in value]
+    return value
 
 
 def _find(name_or_path: str) -> Path:

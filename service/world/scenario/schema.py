@@ -36,7 +36,18 @@ class TruncatedNormal(_Table, frozen=True, tag_field="distribution", tag="trunca
     high: float
 
 
-Distribution = Beta | Uniform | TruncatedNormal
+class NormalMixture(_Table, frozen=True, tag_field="distribution", tag="normal-mixture"):
+    """Zero on average, of two spreads, given that it lies in [low, high]: `wide` with probability `share`, else
+    `narrow` (standard deviations)."""
+
+    share: float
+    narrow: float
+    wide: float
+    low: float
+    high: float
+
+
+Distribution = Beta | Uniform | TruncatedNormal | NormalMixture
 
 
 class Network(_Table, frozen=True):
@@ -53,6 +64,54 @@ class Drivers(_Table, frozen=True):
     weights: str = "drivers-gail"  # built-in weights, or the path of a .safetensors file
     # of the drivers' actions: a stream for each rollout, one stream for all, or a part of X that searches can move
     noise_mode: Literal["drawn", "frozen", "searched"] = msgspec.field(default="drawn", name="noise")
+
+
+class Avoidance(_Table, frozen=True):
+    """What a driver who looks takes for a conflict, and how hard he brakes then (service.world.sim.avoidance)."""
+
+    ttc_s: float = 4.0  # to the vehicle ahead, or to one that will be in the way
+    required_mps2: float = 1.0  # deceleration that would just do
+    hardest_mps2: float = 7.5
+    jerk_mps3: float = 12.65  # how fast the braking builds up
+    gap_m: float = 2.5  # beside or behind a neighbour with less room than this, ...
+    gap_closing_s: float = 3.0  # ... and this long a way at the closing speed, nobody goes on changing lanes
+
+
+class Reaction(_Table, frozen=True):
+    """A driver's reaction time to a conflict: lognormal, drawn once a rollout."""
+
+    median_s: float = 0.9
+    sigma: float = 0.35  # of its logarithm
+
+
+class Glances(_Table, frozen=True):
+    """Looks off the road, during which the last action is held."""
+
+    epsilon: float  # probability that a glance that would begin in a conflict is not suppressed
+    every_s: float = 6.0  # eyes on the road, on average, until the next one
+    median_s: float = 0.75  # their duration is lognormal
+    sigma: float = 0.65
+    long_s: float = 1.5  # the first one this long is a part of X, by name; the others come from the seed
+
+
+class NoiseProcess(_Table, frozen=True):
+    """The drivers' action noise, correlated in time: correlation (1 + t / T) exp(-t / T) (service.world.sim.latent)."""
+
+    acceleration_amplitude: float  # standard deviation, in those that the network answers
+    acceleration_correlation_s: float  # T
+    turn_rate_amplitude: float
+    turn_rate_correlation_s: float
+    modes: int = 2  # of each action: its slowest movements, a part of X by name; the rest comes from the seed
+    window_s: float = 10.0  # from the start, that the modes describe
+
+
+class Human(_Table, frozen=True):
+    """Drivers who see, react and sometimes do not look; without this table the network drives alone."""
+
+    glances: Glances
+    noise: NoiseProcess
+    avoidance: Avoidance = Avoidance()
+    reaction: Reaction = Reaction()
 
 
 class Rss(_Table, frozen=True):
@@ -73,15 +132,24 @@ class Safety(_Table, frozen=True):
     rss: Rss = Rss()
 
 
-class Start(_Table, frozen=True):
-    """Where vehicles start: distributions and sizes that hold for all, unless a vehicle says otherwise."""
+class Start(_Table, frozen=True, kw_only=True):
+    """Where vehicles start: distributions and sizes that hold for all, unless a vehicle says otherwise.
+
+    Headings are given by `heading_deg`, or by `lateral_mps`: the speed across the lane of a vehicle in its middle at
+    `lateral_full_mps` or faster. Off the middle it is 1 + lateral_offset_gain (offset / 1 m)^2 times that, below that
+    speed (speed / lateral_full_mps)^lateral_speed_power times that; the heading is its arc sine over the speed.
+    """
 
     station_m: Distribution
     lane_offset_m: Distribution
-    heading_deg: Distribution
+    heading_deg: Distribution | None = None
     speed_mps: Distribution
     length_m: float = 4.5
     width_m: float = 1.8
+    lateral_mps: Distribution | None = None
+    lateral_offset_gain: float = 0.0
+    lateral_full_mps: float = 7.0
+    lateral_speed_power: float = 1.0
 
 
 class Vehicle(_Table, frozen=True):
@@ -94,6 +162,7 @@ class Vehicle(_Table, frozen=True):
     speed_mps: Distribution | None = None
     length_m: float | None = None
     width_m: float | None = None
+    lateral_mps: Distribution | None = None
 
 
 class Background(_Table, frozen=True):
@@ -130,13 +199,14 @@ class RandomWeather(_Table, frozen=True):
     exposure_ev: Distribution  # error of the camera's exposure control, in stops
 
 
-class FixedStart(_Table, frozen=True):
+class FixedStart(_Table, frozen=True, kw_only=True):
     """Where a vehicle starts in the fixed rollout."""
 
     name: str  # of the vehicle
     station_m: float
     lane_offset_m: float
-    heading_deg: float
+    heading_deg: float | None = None
+    lateral_mps: float | None = None  # in place of the heading where the scenario draws it
     speed_mps: float
 
 
@@ -166,11 +236,28 @@ class Scenario(_Table, frozen=True):
     camera: CameraSpec = CameraSpec()
     weather: RandomWeather | None = None  # without it: a clear afternoon
     fixed: Fixed | None = None
+    human: Human | None = None
+
+    @property
+    def start_names(self) -> tuple[str, str, str, str]:
+        """The coordinates of X that a vehicle starts with: S, T, W and V of the paper, in this order."""
+        return (
+            "station_m",
+            "lane_offset_m",
+            "heading_deg" if self.start.lateral_mps is None else "lateral_mps",
+            "speed_mps",
+        )
+
+    @property
+    def noise_channels(self) -> int:
+        """Standard normals a vehicle and step: of its acceleration and turn rate, then of its glances and their
+        leaks."""
+        return 2 if self.human is None else 4
 
     @property
     def action_noise_values(self) -> int:
-        """Standard normals in the action noise of a rollout: acceleration and turn rate, each step, each vehicle."""
-        return self.steps * len(self.vehicles) * 2
+        """Standard normals of a rollout's action noise, glances included: those of each step and vehicle."""
+        return self.steps * len(self.vehicles) * self.noise_channels
 
     @property
     def steps(self) -> int:

@@ -13,9 +13,12 @@ from policies.drivers import DriverModel
 from policies.egos import EgoPolicy, Observation
 from service.errors import EgoError
 from service.world.safety.measure import open_monitor
-from service.world.scenario.base import searched_action_noise, unpack
+from service.world.scenario.base import causes, searched_action_noise, unpack
+from service.world.scenario.causes import REACTION_S
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
+from service.world.sim.human import traits_of
+from service.world.sim.latent import Latent
 from service.world.sim.road import road_of
 from service.world.sim.sumo import SumoSession
 from service.world.sim.sumo_background import BackgroundTraffic
@@ -50,10 +53,12 @@ def seed_and_action_noise(
 
     x: (d,) a draw from P0
     noise_seed: of the rollout; one for all where the scenario's noise mode is "frozen"
-    given: (steps, vehicles, 2) action noise to use as it is; None: from x where the noise mode is "searched", else from
+    given: (steps, vehicles, channels) action noise to use as it is; None: from x where the noise mode is "searched",
+    else from
         the seed
 
-    Returns the seed and the action noise (steps, vehicles, 2). Raises ValueError for action noise of another shape.
+    Returns the seed and the action noise (steps, vehicles, channels). Raises ValueError for action noise of another
+    shape.
     """
     mode = scenario.drivers.noise_mode
     seed = FROZEN_NOISE_SEED if mode == "frozen" and given is None else int(noise_seed)
@@ -62,13 +67,38 @@ def seed_and_action_noise(
     elif mode == "searched":
         normals = searched_action_noise(scenario, x)
     else:
-        normals = action_noise(seed, scenario.steps, vehicles)
-    shape = (scenario.steps, vehicles, 2)
+        normals = action_noise(seed, scenario.steps, vehicles, scenario.noise_channels)
+    shape = (scenario.steps, vehicles, scenario.noise_channels)
     if normals.shape != shape or normals.dtype != np.float64:
         raise ValueError(
             f"action noise must be float64 of shape {shape}, not {normals.dtype} of shape {normals.shape}"
         )
     return seed, normals
+
+
+class Draw:
+    """What a draw x and a rollout's noise come to in the world of one scenario: one place for both ways to run one."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self._latent = None if scenario.human is None else Latent(scenario)
+
+    def begin(
+        self, world: World, x: np.ndarray, noise_seed: int, given: np.ndarray | None = None
+    ) -> tuple[int, np.ndarray]:
+        """Put the vehicles of `world` at their starts; the arguments as `seed_and_action_noise` has them.
+
+        Returns the rollout's seed, and what its drivers do: their action noise (steps, vehicles, 2), or a table
+        (steps, vehicles, 4) of `service.world.sim.latent` where they are human.
+        """
+        seed, normals = seed_and_action_noise(self._scenario, x, noise_seed, world.vehicles, given)
+        starts, driver_weights = unpack(self._scenario, x)
+        if self._latent is None:
+            world.reset(starts, driver_weights)
+            return seed, normals
+        named = causes(self._scenario, x)
+        world.reset(starts, driver_weights, named[:, REACTION_S])
+        return seed, self._latent.realise(normals, named)
 
 
 class Observer(Protocol):
@@ -119,7 +149,9 @@ class Simulator:
             self._dt_s,
             rays=scenario.safety.rays,
             background_rows=BACKGROUND_ROWS if background else 0,
+            traits=traits_of(scenario),
         )
+        self._draw = Draw(scenario)
         self._open_camera = open_camera or (lambda: _onboard(scenario, corridor))
         self._camera: FrameSource | None = None
         self._monitor = open_monitor(scenario, len(self._world.agents))
@@ -183,7 +215,7 @@ class Simulator:
         action_noise: np.ndarray | None = None,
     ) -> Rollout:
         """The rollout of `x` (d,) with action noise from its noise seed, or given as standard normals
-        (steps, vehicles, 2).
+        (steps, vehicles, channels).
 
         An exception on the way, from the ego or from SUMO, makes a recorded rollout with outcome "error" and
         f = NaN; it is not raised.
@@ -198,10 +230,7 @@ class Simulator:
         self, x: np.ndarray, noise_seed: int, observer: Observer | None, given: np.ndarray | None
     ) -> Rollout:
         world, ego, sumo, monitor = self._world, self._ego, self._sumo, self._monitor
-        seed, action_noise = seed_and_action_noise(self._scenario, x, noise_seed, world.vehicles, given)
-
-        starts, driver_weights = unpack(self._scenario, x)
-        world.reset(starts, driver_weights)
+        seed, happens = self._draw.begin(world, x, noise_seed, given)
         ego.reset(seed)
         status, ttc = world.observe()
         world.write_poses()
@@ -232,7 +261,7 @@ class Simulator:
             acceleration, turn_rate = float(acceleration), float(turn_rate)
             if observer is not None:
                 observer.see(world, observation.time_s, ttc, (acceleration, turn_rate))
-            world.advance(acceleration, turn_rate, action_noise[k])
+            world.advance(acceleration, turn_rate, happens[k])
             sumo.step(world.poses)
             if self._has_background:
                 world.count = sumo.read_background(world.agents, world.vehicles)

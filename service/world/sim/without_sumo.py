@@ -20,11 +20,11 @@ from policies.layout import OUTPUTS
 from policies.network import forward, sample_action
 from service.errors import InputError
 from service.world.safety.impact import time_or_impact
-from service.world.scenario.base import unpack
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
+from service.world.sim.human import advance_human, traits_of
 from service.world.sim.road import road_of
-from service.world.sim.rollout import OUTCOMES, Rollout, seed_and_action_noise
+from service.world.sim.rollout import OUTCOMES, Draw, Rollout
 from service.world.sim.step import advance_all, observe
 from service.world.sim.world import DriverNetwork, World
 from sumo_nets.corridor import Corridor
@@ -76,10 +76,14 @@ def drive(
     observations: np.ndarray,
     poses: np.ndarray,
     measure: int,
+    minds: np.ndarray,
+    traits: np.ndarray,
 ) -> tuple[float, int, int]:
     """The smallest value of the measure, how the ego ended (service.world.sim.step) and the steps driven.
 
-    action_noise: (steps, vehicles, 2) standard normals; the rest as `service.world.sim.step` has it.
+    action_noise: (steps, vehicles, 2) standard normals, or (steps, vehicles, 4) of `service.world.sim.latent` where
+    `traits` says that the drivers are human; minds, traits: see `service.world.sim.human`; the rest as
+    `service.world.sim.step` has it.
     """
     outputs = np.empty(OUTPUTS, np.float32)
     status, smallest = observe(
@@ -96,10 +100,16 @@ def drive(
             a, w = sample_action(outputs, ego_scale, 0.0, 0.0)
         if not (math.isfinite(a) and math.isfinite(w)):
             return math.nan, status, k
-        advance_all(
-            agents, controlled, ego, a, w, observations, w1, b1, w2, b2, head, scale, action_noise[k], dt_s,
-            lanes.shape[1], poses,
-        )  # fmt: skip
+        if traits.shape[0] > 0:
+            advance_human(
+                agents, controlled, controlled, ego, a, w, observations, w1, b1, w2, b2, head, scale, action_noise[k],
+                dt_s, reference, lanes, spacing_m, minds, traits, poses,
+            )  # fmt: skip
+        else:
+            advance_all(
+                agents, controlled, ego, a, w, observations, w1, b1, w2, b2, head, scale, action_noise[k], dt_s,
+                lanes.shape[1], poses,
+            )  # fmt: skip
         status, value = observe(
             agents, controlled, controlled, ego, reference, lanes, spacing_m, beams, rays, observations
         )
@@ -134,8 +144,10 @@ class WithoutSumo:
             scenario.ego,
             scenario.time.step_s,
             rays=scenario.safety.rays,
+            traits=traits_of(scenario),
         )
         self._rays = self._world.rays if self._measure == RAYS else self._world.rays[:0]
+        self._draw = Draw(scenario)
         policy = load_ego(ego)
         # the intelligent driver reads no weights; it is given the drivers' so that the kernel has one signature
         own = policy.weights if isinstance(policy, LidarEgo) else self._drivers_weights(drivers)
@@ -157,13 +169,12 @@ class WithoutSumo:
     def run(self, x: np.ndarray, noise_seed: int = 0, *, action_noise: np.ndarray | None = None) -> Rollout:
         """The rollout of `x` (d,), with the same bits as `Simulator.run`."""
         world, net = self._world, self._network
-        _, normals = seed_and_action_noise(self._scenario, x, noise_seed, world.vehicles, action_noise)
-        world.reset(*unpack(self._scenario, x))
+        _, happens = self._draw.begin(world, x, noise_seed, action_noise)
         f, status, k = drive(
             world.agents, world.vehicles, world.ego, *self._ego, net.w1, net.b1, net.w2, net.b2, world.head,
-            net.action_scale, normals, self._scenario.time.step_s, world.road.reference, world.road.lanes,
-            world.road.spacing_m, world.beams, self._rays, world.observations, world.poses,
-            self._measure,
+            net.action_scale, happens, self._scenario.time.step_s, world.road.reference, world.road.lanes,
+            world.road.spacing_m, world.beams, self._rays, world.observations, world.poses, self._measure, world.minds,
+            world.traits,
         )  # fmt: skip
         if math.isnan(f):
             return Rollout(math.nan, "error", 0, "EgoError: the ego answered a number that is not finite")

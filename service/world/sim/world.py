@@ -9,6 +9,8 @@ from policies.exactmath import normals_from_bits
 from service.world import agents as A
 from service.world.scenario.base import Start
 from service.world.sensors.lidar import beam_directions
+from service.world.sim import minds as M
+from service.world.sim.human import advance_human, reset_minds
 from service.world.sim.projection import place
 from service.world.sim.road import Road
 from service.world.sim.step import advance_all, observe, write_poses
@@ -25,16 +27,16 @@ class DriverNetwork:
     action_scale: np.ndarray  # (2,) float64: m/s^2 and rad/s
 
 
-def action_noise(seed: int, steps: int, vehicles: int) -> np.ndarray:
-    """Standard normals (steps, vehicles, 2) of a rollout: a Philox stream keyed by its seed.
+def action_noise(seed: int, steps: int, vehicles: int, channels: int = 2) -> np.ndarray:
+    """Standard normals (steps, vehicles, channels) of a rollout: a Philox stream keyed by its seed.
 
     The bits are integers and the normal quantile is `policies.exactmath`, so they are the same on every processor.
     A shorter rollout's noise is a prefix of a longer one's.
     """
-    bits = np.random.Philox(key=seed).random_raw(steps * vehicles * 2)
+    bits = np.random.Philox(key=seed).random_raw(steps * vehicles * channels)
     normals = np.empty(bits.shape[0])
     normals_from_bits(bits, normals)
-    return normals.reshape(steps, vehicles, 2)
+    return normals.reshape(steps, vehicles, channels)
 
 
 class World:
@@ -49,7 +51,9 @@ class World:
         dt_s: float,
         rays: int = layout.BEAMS,
         background_rows: int = 0,
+        traits: np.ndarray | None = None,
     ):
+        """traits: of human drivers (`service.world.sim.human`); None or empty: the network drives alone."""
         self.road = road
         self.vehicles = vehicles
         self.ego = ego
@@ -59,12 +63,19 @@ class World:
         self.observations = np.zeros((vehicles, layout.OBSERVATION_SIZE))
         self.poses = np.zeros((vehicles, 4))
         self.head = np.zeros(layout.HEAD_SIZE, np.float32)
+        self.traits = np.zeros(0) if traits is None else traits
+        self.minds = np.zeros((vehicles, M.COLUMNS))
         self._network = network
         self.beams = beam_directions(layout.BEAMS)
         self.rays = beam_directions(rays)
 
-    def reset(self, starts: list[Start], driver_weights: np.ndarray) -> None:
-        """Put the vehicles at their starts; `driver_weights` (404,) is the last layer that drives the others."""
+    def reset(
+        self, starts: list[Start], driver_weights: np.ndarray, reactions_s: np.ndarray | None = None
+    ) -> None:
+        """Put the vehicles at their starts; `driver_weights` (404,) is the last layer that drives the others.
+
+        reactions_s (vehicles,): reaction times of human drivers.
+        """
         self.agents[:] = 0.0
         self.observations[:] = 0.0
         self.head[:] = driver_weights
@@ -84,6 +95,8 @@ class World:
                 self.road.spacing_m,
             )
         self.count = self.vehicles
+        if reactions_s is not None:
+            reset_minds(self.minds, reactions_s)
 
     def observe(self) -> tuple[int, float]:
         """Update the observations; the ego's status (service.world.sim.step) and its time to collision in s."""
@@ -101,8 +114,18 @@ class World:
         )
 
     def advance(self, acceleration_mps2: float, turn_rate_radps: float, action_noise: np.ndarray) -> None:
-        """Move by one step; the arguments are the ego's action, `action_noise` (vehicles, 2) the others'."""
-        net = self._network
+        """Move by one step; the arguments are the ego's action, `action_noise` (vehicles, 2) the others'.
+
+        With human drivers it is (vehicles, 4), a row of `service.world.sim.latent`.
+        """
+        net, road = self._network, self.road
+        if self.traits.size:
+            advance_human(
+                self.agents, self.vehicles, self.count, self.ego, acceleration_mps2, turn_rate_radps, self.observations,
+                net.w1, net.b1, net.w2, net.b2, self.head, net.action_scale, action_noise, self.dt_s, road.reference,
+                road.lanes, road.spacing_m, self.minds, self.traits, self.poses,
+            )  # fmt: skip
+            return
         advance_all(
             self.agents,
             self.vehicles,

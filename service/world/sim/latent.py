@@ -1,0 +1,201 @@
+"""From standard normals and named causes to what drivers do: their noise along time, and when they look away.
+
+A rollout's randomness beside the starts and xi is one latent vector: the causes (`service.world.scenario.causes`), and
+standard normals (steps, vehicles, 4). `Latent.realise` makes of it the table that `step.advance_human` reads. Whether
+the normals come from the rollout's seed, from one seed for all, or from an estimator that moves them, is all the same
+here.
+
+Noise. Each action's noise has unit variance and correlation (1 + t / T) exp(-t / T) (the critically damped second-order
+process: Matern's with smoothness 3/2), whose derivative exists: jerk stays finite, unlike an Ornstein-Uhlenbeck
+process's. At equal steps it is the autoregression v[k] = 2 r v[k-1] - r^2 v[k-2] + s e[k], r = exp(-dt / T), started in
+equilibrium; in it the correlation after k steps is r^k (1 + k (1 - r^2) / (1 + r^2)). Its lowest Karhunen-Loeve modes
+phi_m over the window, with variances lambda_m, are coordinates: the path's own part along them is replaced,
+
+    v += sum_m phi_m (sqrt(lambda_m) c_m - phi_m . v),    c_m ~ N(0, 1) independent,
+
+which leaves its distribution as it was, as phi_m . v is independent of the rest. After the window the recursion goes on
+from the path so made.
+
+Glances. While the eyes are on the road the third channel's normal z starts a glance with probability h = dt / every_s:
+where its upper tail u is below h; then u / h is uniform and gives the duration. Until the long glance that the causes
+name has ended no other long one begins. The fourth channel says whether the glance leaks: where its lower tail is below
+epsilon.
+"""
+
+import math
+
+import numpy as np
+
+from policies.exactmath import exp, normal_quantile, normal_tail
+from policies.jit import kernel
+from service.world.scenario.causes import (
+    GLANCE_DURATION_S,
+    GLANCE_LEAK,
+    GLANCE_ONSET_S,
+    MODES,
+)
+from service.world.scenario.schema import Scenario
+
+# channels of the standard normals, and columns of the table made of them
+ACCELERATION, TURN_RATE, GLANCE, LEAK = range(
+    4
+)  # of the table: noise, noise, seconds of a glance that begins, 1 = leaks
+CHANNELS = 4
+POWER_STEPS = 400  # of the iteration for the modes
+CERTAIN = 1.0 - 1e-12
+
+
+@kernel
+def _correlation(r: float, lag: int) -> float:
+    power = 1.0
+    for _ in range(lag):
+        power *= r
+    return power * (1.0 + lag * (1.0 - r * r) / (1.0 + r * r))
+
+
+@kernel
+def _lowest_modes(r: float, steps: int, modes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvectors (steps, modes), the largest first, and roots of the eigenvalues (modes,) of the noise's covariance.
+
+    By the power iteration with Gram-Schmidt, from the cosines that they nearly are: the same bits on every processor,
+    which a library's solver does not give.
+    """
+    row = np.empty(steps)
+    for lag in range(steps):
+        row[lag] = _correlation(r, lag)
+    vectors = np.empty((steps, modes))
+    roots = np.empty(modes)
+    product = np.empty(steps)
+    for m in range(modes):
+        vector = np.empty(steps)
+        for k in range(steps):  # polynomials in time: each with the right number of changes of sign
+            t = 2.0 * (k + 0.5) / steps - 1.0
+            before, value = 1.0, t
+            if m == 0:
+                value = 1.0
+            for _ in range(1, m):
+                before, value = value, 2.0 * t * value - before
+            vector[k] = value
+        size = 0.0
+        for _ in range(POWER_STEPS):
+            for k in range(steps):
+                total = 0.0
+                for j in range(steps):
+                    total += row[abs(k - j)] * vector[j]
+                product[k] = total
+            for n in range(m):
+                along = 0.0
+                for k in range(steps):
+                    along += product[k] * vectors[k, n]
+                for k in range(steps):
+                    product[k] -= along * vectors[k, n]
+            size = 0.0
+            for k in range(steps):
+                size += product[k] * product[k]
+            size = math.sqrt(size)
+            for k in range(steps):
+                vector[k] = product[k] / size
+        sign = 1.0 if vector[0] >= 0.0 else -1.0
+        for k in range(steps):
+            vectors[k, m] = sign * vector[k]
+        roots[m] = math.sqrt(size)
+    return vectors, roots
+
+
+@kernel
+def _realise(normals, causes, ego, modes, roots, decays, amplitudes, dt_s, hazard, median_s, sigma, long_s, leak_below,
+             leak_share, table):  # fmt: skip
+    """Fill `table` (steps, vehicles, 4); modes: (2, window, m), roots: (2, m); leak_below: a normal below it leaks."""
+    steps, vehicles = normals.shape[0], normals.shape[1]
+    window, count = min(modes.shape[1], steps), modes.shape[2]
+    for i in range(vehicles):
+        if i == ego:
+            for k in range(steps):
+                for c in range(CHANNELS):
+                    table[k, i, c] = 0.0
+            continue
+        for c in range(2):
+            r = decays[c]
+            a1, a2 = 2.0 * r, -r * r
+            first = a1 / (1.0 - a2)
+            spread = math.sqrt(1.0 - first * a1 - (first * a1 + a2) * a2)
+            begun = math.sqrt(1.0 - first * first)
+            for k in range(steps):
+                e = normals[k, i, c]
+                if k == 0:
+                    table[k, i, c] = e
+                elif k == 1:
+                    table[k, i, c] = first * table[0, i, c] + begun * e
+                else:
+                    table[k, i, c] = a1 * table[k - 1, i, c] + a2 * table[k - 2, i, c] + spread * e
+                if k == window - 1:
+                    for m in range(count):
+                        along = 0.0
+                        for q in range(window):
+                            along += modes[c, q, m] * table[q, i, c]
+                        along = roots[c, m] * causes[i, MODES + c * count + m] - along
+                        for q in range(window):
+                            table[q, i, c] += along * modes[c, q, m]
+            for k in range(steps):
+                table[k, i, c] *= amplitudes[c]
+        onset, duration = causes[i, GLANCE_ONSET_S], causes[i, GLANCE_DURATION_S]
+        for k in range(steps):
+            table[k, i, GLANCE] = 0.0
+            table[k, i, LEAK] = 1.0 if normals[k, i, LEAK] < leak_below else 0.0
+            share = normal_tail(normals[k, i, GLANCE]) / hazard
+            if share < 1.0:
+                seconds = median_s * exp(-sigma * normal_quantile(min(max(share, 1e-300), CERTAIN)))
+                if seconds < long_s or k * dt_s >= onset + duration:
+                    table[k, i, GLANCE] = seconds
+        at = onset / dt_s
+        if at < steps:
+            table[int(at), i, GLANCE] = duration
+            table[int(at), i, LEAK] = 1.0 if causes[i, GLANCE_LEAK] < leak_share else 0.0
+
+
+class Latent:
+    """Realises the latent vectors of one scenario that has a human table."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        human = scenario.human
+        assert human is not None
+        noise, glances, dt_s = human.noise, human.glances, scenario.time.step_s
+        times = noise.acceleration_correlation_s, noise.turn_rate_correlation_s
+        window = min(round(noise.window_s / dt_s), scenario.steps)
+        decays = [float(exp(-dt_s / time)) for time in times]
+        found = [_lowest_modes(r, window, noise.modes) for r in decays]
+        self._ego = scenario.ego
+        self._dt_s = dt_s
+        self._fixed = (
+            np.ascontiguousarray(np.stack([vectors for vectors, _ in found])),
+            np.ascontiguousarray(np.stack([roots for _, roots in found])),
+            np.array(decays),
+            np.array([noise.acceleration_amplitude, noise.turn_rate_amplitude]),
+            dt_s,
+            dt_s / glances.every_s,
+            glances.median_s,
+            glances.sigma,
+            glances.long_s,
+            _leak_below(glances.epsilon),
+            glances.epsilon if glances.epsilon < 1.0 else 2.0,
+        )
+        self._table = np.zeros((scenario.steps, len(scenario.vehicles), CHANNELS))
+
+    @property
+    def modes(self) -> tuple[np.ndarray, np.ndarray]:
+        """The modes (2, window, m) of acceleration and turn rate, and the roots of their variances (2, m)."""
+        return self._fixed[0], self._fixed[1]
+
+    def realise(self, normals: np.ndarray, causes: np.ndarray) -> np.ndarray:
+        """The table (steps, vehicles, 4) of standard normals of that shape and causes (vehicles, columns).
+
+        It is overwritten by the next call.
+        """
+        _realise(normals, causes, self._ego, *self._fixed, self._table)
+        return self._table
+
+
+def _leak_below(epsilon: float) -> float:
+    if epsilon <= 0.0:
+        return -math.inf
+    return math.inf if epsilon >= 1.0 else float(normal_quantile(epsilon))
