@@ -24,10 +24,19 @@ _U_GREATEST = 1.0 - 2.0**-53
 
 @dataclass(frozen=True)
 class Beta:
-    """One coordinate, Beta(alpha, beta) stretched to (low, high).
+    """One coordinate, Beta(alpha, beta) stretched to (low, high); FamilyError for wrong parameters.
 
-    alpha, beta: > 0, dimensionless; low < high: in the coordinate's own unit.
-    Raises FamilyError for anything else.
+    alpha: above 0, dimensionless
+    beta: above 0, dimensionless
+    low: lower end, in the coordinate's own unit
+    high: upper end, above low
+
+    >>> import ce
+    >>> ce.Beta(2, 2, low=80, high=120)
+    Beta(alpha=2.0, beta=2.0, low=80.0, high=120.0)
+    >>> ce.Beta(0, 2)
+    Traceback (most recent call last):
+    ce.errors.FamilyError: Beta needs alpha > 0 and beta > 0, not (0.0, 2.0)
     """
 
     alpha: float
@@ -53,7 +62,13 @@ class Beta:
 
 
 class BetaColumns:
-    """Independent Beta marginals as arrays of shape (m,): what `Product` works with."""
+    """Independent Beta marginals as arrays, which is what `Product` works with.
+
+    alpha: (m,)
+    beta: (m,)
+    low: (m,), in each coordinate's own unit
+    high: (m,), in each coordinate's own unit
+    """
 
     def __init__(self, alpha: Array, beta: Array, low: Array, high: Array) -> None:
         self.alpha, self.beta, self.low, self.high = alpha, beta, low, high
@@ -61,6 +76,7 @@ class BetaColumns:
 
     @classmethod
     def of(cls, blocks: list[Beta]) -> "BetaColumns":
+        """The columns of those marginals."""
         table = np.array([(b.alpha, b.beta, b.low, b.high) for b in blocks], dtype=np.float64).reshape(-1, 4)
         return cls(*np.ascontiguousarray(table.T))
 
@@ -79,7 +95,8 @@ class BetaColumns:
 
     def log_partition(self) -> Array:
         """A(theta) = log B(alpha, beta), (m,)."""
-        return betaln(self.alpha, self.beta)
+        a: Array = betaln(self.alpha, self.beta)
+        return a
 
     def mean_statistics(self) -> tuple[Array, Array]:
         """Gradient of A: (psi(alpha) - psi(alpha + beta), psi(beta) - psi(alpha + beta)), each (m,)."""
@@ -90,7 +107,8 @@ class BetaColumns:
         """Sum over the marginals of log p, (n,), per unit of x."""
         log_u, log_v = self.statistics(x)
         terms = (self.alpha - 1) * log_u + (self.beta - 1) * log_v - self.log_partition() - np.log(self.width)
-        return terms.sum(axis=1)
+        log_p: Array = terms.sum(axis=1)
+        return log_p
 
     def sample(self, generator: np.random.Generator, n: int) -> Array:
         """(n, m) draws."""

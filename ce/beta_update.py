@@ -15,14 +15,17 @@ Array = NDArray[np.float64]
 
 _STEPS = 200
 _HALVINGS = 40
-_TOLERANCE = 1e-12  # on the projected gradient, nats
+# On the projected gradient, in nats.
+_TOLERANCE = 1e-12
 
 
 def update(start: Array, target: Array, low: Array, high: Array) -> Array:
-    """theta (2, m) in [low, high] that minimises A(theta) - theta^T target for each of m marginals.
+    """theta (2, m), in [low, high] exactly, that minimises A(theta) - theta^T target for each of m marginals.
 
-    start: (2, m) within the box; target: (2, m) mean statistics E[log u], E[log(1 - u)]; low, high: (2, m),
-    > 0. The result lies in the box exactly.
+    start: (2, m), within the box
+    target: (2, m), mean statistics E[log u], E[log(1 - u)]
+    low: (2, m), above 0
+    high: (2, m)
     """
     theta = np.clip(start, low, high)
     value = _objective(theta, target)
@@ -57,7 +60,8 @@ def update(start: Array, target: Array, low: Array, high: Array) -> Array:
 
 
 def _objective(theta: Array, target: Array) -> Array:
-    return betaln(theta[0], theta[1]) - np.sum(theta * target, axis=0)
+    value: Array = betaln(theta[0], theta[1]) - np.sum(theta * target, axis=0)
+    return value
 
 
 def _derivatives(theta: Array, target: Array) -> tuple[Array, Array, Array, Array]:
@@ -72,7 +76,6 @@ def _newton_step(gradient: Array, h00: Array, h01: Array, h11: Array, held: NDAr
     coupled = ~held.any(axis=0)
     off = np.where(coupled, h01, 0.0)
     determinant = h00 * h11 - off * off
-    return (
-        -np.stack([h11 * gradient[0] - off * gradient[1], h00 * gradient[1] - off * gradient[0]])
-        / determinant
-    )
+    adjugate = np.stack([h11 * gradient[0] - off * gradient[1], h00 * gradient[1] - off * gradient[0]])
+    step: Array = -adjugate / determinant
+    return step

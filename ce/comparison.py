@@ -17,7 +17,16 @@ from ce.results import Estimate
 
 @dataclass(frozen=True)
 class Comparison:
-    """difference: p_a - p_b; ratio: p_a / p_b, NaN where p_b = 0. paired: from common random numbers."""
+    """How p of one system compares with p of another.
+
+    difference: p_a - p_b
+    difference_std_error: its standard error
+    difference_ci: lower and upper end of its interval
+    ratio: p_a / p_b, NaN where p_b = 0
+    ratio_ci: lower and upper end of its interval
+    paired: whether from common random numbers
+    confidence: of the intervals, in (0, 1)
+    """
 
     difference: float
     difference_std_error: float
@@ -29,10 +38,18 @@ class Comparison:
 
 
 def compare(a: Estimate, b: Estimate) -> Comparison:
-    """How p of `a` compares with p of `b`. Raises OptionsError where their confidences differ.
+    """How p of `a` compares with p of `b`; OptionsError where their confidences differ.
 
-    Normal intervals: of the difference as it is, of the ratio on its logarithm (from 0 to infinity where either p is
-    0). They are as good as both estimates' own intervals: see their warnings.
+    Intervals are normal: of the difference as it is, of the ratio on its logarithm (from 0 to infinity where either p
+    is 0). They are as good as both estimates' own intervals: see their warnings.
+
+    >>> import ce
+    >>> base = ce.Product([ce.Normal([0.0], [[1.0]])])
+    >>> a = ce.estimate(lambda x: 2.0 - x[:, 0], base, 0.0, "naive", budget=10_000, seed=1)
+    >>> b = ce.estimate(lambda x: 2.2 - x[:, 0], base, 0.0, "naive", budget=10_000, seed=1)
+    >>> found = ce.compare(a, b)
+    >>> found.paired, found.difference > 0.0, found.ratio_ci[0] > 1.0
+    (True, True, True)
     """
     if a.confidence != b.confidence:
         raise OptionsError(f"the estimates have different confidences, {a.confidence} and {b.confidence}")
@@ -63,8 +80,11 @@ def compare(a: Estimate, b: Estimate) -> Comparison:
 
 
 def _common(a: Estimate, b: Estimate) -> bool:
-    """Whether the i-th rollouts of both had the same draw: told by equal weights (`ce.paired`), or by both being naive
-    Monte Carlo of equal size and seed, which the caller answers for by giving both jobs the same seed."""
+    """Whether the i-th rollouts of both had the same draw.
+
+    They have where their weights are equal (`ce.paired`), or where both are naive Monte Carlo of equal size and seed,
+    which the caller answers for by giving both jobs the same seed.
+    """
     if isinstance(a, ReplicatedEstimate) or isinstance(b, ReplicatedEstimate) or not 1 < a.f.size == b.f.size:
         return False
     if a.log_weights is None or b.log_weights is None:

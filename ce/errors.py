@@ -1,11 +1,12 @@
 """The errors of this package.
 
     CeError (ValueError)
-    ├── FamilyError a distribution that is not one: parameters, shapes, covariance, values outside the
-    support ├── OptionsError an option outside its range, or an unknown method │ └── BudgetError fewer
-    rollouts than the method needs ├── ThresholdError gamma is NaN or infinite ├── ResponseError the values
-    of f do not fit the batch they answer └── StateError a state or a batch that belongs to another problem,
-    method or moment
+    ├── FamilyError      a distribution that is not one: parameters, shapes, covariance, values outside the support
+    ├── OptionsError     an option outside its range, or an unknown method
+    │   └── BudgetError  fewer rollouts than the method needs
+    ├── ThresholdError   gamma is NaN or infinite
+    ├── ResponseError    the values of f do not fit the batch they answer
+    └── StateError       a state or a batch that belongs to another problem, method or moment
 
 Every message says what was given, what was expected and what to do.
 """

@@ -89,7 +89,8 @@ def log_ratio(mixture: Mixture, u: Array) -> Array:
     terms = np.stack(_log_terms(mixture, u))
     top = terms.max(axis=0)
     terms -= top
-    return np.log(np.exp(terms, out=terms).sum(axis=0)) + top
+    ratio: Array = np.log(np.exp(terms, out=terms).sum(axis=0)) + top
+    return ratio
 
 
 def mean_log_ratio(mixtures: Sequence[Mixture], u: Array) -> Array:
@@ -104,7 +105,8 @@ def mean_log_ratio(mixtures: Sequence[Mixture], u: Array) -> Array:
 
 def component_of(mixture: Mixture, u: Array) -> NDArray[np.intp]:
     """Which component of the mixture, the base the first of them, each u (n, d) most probably came from, (n,)."""
-    return np.argmax(np.stack(_log_terms(mixture, u)), axis=0)
+    component: NDArray[np.intp] = np.argmax(np.stack(_log_terms(mixture, u)), axis=0)
+    return component
 
 
 def _log_terms(mixture: Mixture, u: Array) -> list[Array]:
@@ -129,4 +131,5 @@ def _log_terms(mixture: Mixture, u: Array) -> list[Array]:
 def log_normal(y: Array, mean: Array, factor: Array) -> Array:
     """log N(y; mean, factor factor^T) + (r/2) log(2 pi), (n,), of y (n, r)."""
     whitened = solve_triangular(factor, (y - mean).T, lower=True, check_finite=False)
-    return -0.5 * np.einsum("in,in->n", whitened, whitened) - float(np.sum(np.log(np.diagonal(factor))))
+    log_p: Array = -0.5 * np.einsum("in,in->n", whitened, whitened)
+    return log_p - float(np.sum(np.log(np.diagonal(factor))))

@@ -59,7 +59,8 @@ class Correlator:
     slices and their sums are exact in float64 whatever the order. Rows of z are independent of one another.
     """
 
-    _Z_BOUND = 16.0  # no normal drawn by a ziggurat in float64 comes near it
+    # No normal drawn by a ziggurat in float64 comes near it.
+    _Z_BOUND = 16.0
 
     def __init__(self, lower: Array) -> None:
         d = lower.shape[0]
@@ -77,4 +78,5 @@ class Correlator:
         high = np.rint(z / unit) * unit
         unit_low = math.ldexp(unit, -self._bits)
         low = np.rint((z - high) / unit_low) * unit_low
-        return (high @ self._high_t + (high @ self._low_t + low @ self._high_t)) + low @ self._low_t
+        x: Array = (high @ self._high_t + (high @ self._low_t + low @ self._high_t)) + low @ self._low_t
+        return x

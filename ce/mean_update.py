@@ -28,7 +28,11 @@ _POLISH_STEPS = 30
 
 
 class BoxedMean:
-    """The programme for one Normal block and one box half-width (> 0, in the coordinates' units)."""
+    """The programme for one Normal block.
+
+    base: the block
+    box: half-width of the box around its mean, above 0, in the coordinates' own units
+    """
 
     def __init__(self, base: Normal, box: float) -> None:
         self._base, self._box = base, box
@@ -47,7 +51,8 @@ class BoxedMean:
         # In s = (mu - mu0) / box the bounds are +-1; the scale brings the objective's curvature to order 1.
         scale = 1.0 / float(np.mean(np.diagonal(self._precision)))
         s, linear = cp.Variable(self._base.dim), cp.Parameter(self._base.dim)
-        objective = 0.5 * cp.quad_form(s, cp.psd_wrap(self._precision * scale)) - linear @ s
+        precision = cp.psd_wrap(self._precision * scale)
+        objective = 0.5 * cp.quad_form(s, precision) - linear @ s
         return cp.Problem(cp.Minimize(objective), [s >= -1, s <= 1]), s, linear, scale
 
     def update(self, target: Array) -> Array:
@@ -58,7 +63,7 @@ class BoxedMean:
             return self._clipped(wanted)
         problem, s, linear, scale = self._programme
         linear.value = scale * (self._precision @ wanted)
-        problem.solve(
+        problem.solve(  # type: ignore[no-untyped-call]
             solver="OSQP",
             warm_start=False,
             eps_abs=1e-6,

@@ -162,7 +162,8 @@ def aligned(part: Part, label: NDArray[np.intp], u: Array, f: Array) -> Part:
 def _widened(covariance: Array) -> Array:
     values, vectors = np.linalg.eigh(covariance)
     values = np.where(values < 1.0, np.minimum(WIDENING * values, 1.0), values)
-    return (vectors * values) @ vectors.T
+    widened: Array = (vectors * values) @ vectors.T
+    return widened
 
 
 def _k_means(y: Array, w: Array, k: int, source: np.random.Generator) -> Array:
@@ -194,7 +195,8 @@ def _k_means(y: Array, w: Array, k: int, source: np.random.Generator) -> Array:
 
 def _distances(y: Array, centres: Array) -> Array:
     squares = np.sum(y * y, axis=1)[:, None] - 2.0 * y @ centres.T + np.sum(centres * centres, axis=1)
-    return np.maximum(squares, 0.0)
+    distances: Array = np.maximum(squares, 0.0)
+    return distances
 
 
 def _too_many(form: str, k: int, r: int, ess: float) -> bool:
@@ -207,14 +209,17 @@ def _covariances(form: str, raw: Array, counts: Array, means: Array) -> Array:
     r = means.shape[1]
     identity = np.eye(r)
     n = counts[:, None, None]
+    shrunk: Array
     if form == "spiked":  # as the base's but for the direction of the mean, where an event cuts
         length2 = np.maximum(np.sum(means * means, axis=1), 1e-300)
         spread = np.einsum("ki,kij,kj->k", means, raw, means) / length2
         excess = (counts * spread + 2.0) / (counts + 2.0) - 1.0
-        return identity + (excess / length2)[:, None, None] * means[:, :, None] * means[:, None, :]
-    if form == "diagonal":
-        return (n * raw * identity + 2.0 * identity) / (n + 2.0)
-    return (n * raw + (r + 1.0) * identity) / (n + r + 1.0)
+        shrunk = identity + (excess / length2)[:, None, None] * means[:, :, None] * means[:, None, :]
+    elif form == "diagonal":
+        shrunk = (n * raw * identity + 2.0 * identity) / (n + 2.0)
+    else:
+        shrunk = (n * raw + (r + 1.0) * identity) / (n + r + 1.0)
+    return shrunk
 
 
 def _em(

@@ -18,10 +18,19 @@ Array = NDArray[np.float64]
 
 
 class Normal:
-    """Block of d coordinates, N(mean, cov). Not to be changed after construction.
+    """Block of d coordinates, N(mean, cov); FamilyError for wrong parameters. Not to be changed after construction.
 
-    mean: (d,); cov: (d, d), symmetric positive definite. Raises FamilyError for anything else.
     The factor of the covariance is computed once and shared by every Normal made with `with_mean`.
+
+    mean: (d,), in the coordinates' own units
+    cov: (d, d), symmetric positive definite
+
+    >>> import ce
+    >>> ce.Normal([0.0, 1.0], [[1.0, 0.3], [0.3, 2.0]]).dim
+    2
+    >>> ce.Normal([0.0, 1.0], [[1.0, 2.0], [2.0, 1.0]])  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ce.errors.FamilyError: the covariance is not positive definite: pivot 1 is -3; give ...
     """
 
     def __init__(self, mean: ArrayLike, cov: ArrayLike) -> None:
@@ -50,6 +59,7 @@ class Normal:
 
     @property
     def dim(self) -> int:
+        """Number of coordinates."""
         return self.mean.size
 
     def with_mean(self, mean: Array) -> "Normal":
@@ -63,6 +73,7 @@ class Normal:
 
     @functools.cached_property
     def correlator(self) -> Correlator:
+        """z -> z L^T, the same bits everywhere."""
         return Correlator(self.factor)
 
     def coloured(self, u: Array) -> Array:
@@ -71,12 +82,13 @@ class Normal:
 
     def whitened(self, centred: Array) -> Array:
         """The inverse of `coloured`, of x - mean (n, d)."""
-        return solve_triangular(self.factor, centred.T, lower=True).T
+        u: Array = solve_triangular(self.factor, centred.T, lower=True)
+        return u.T
 
     @functools.cached_property
     def independent(self) -> bool:
         """No two coordinates are correlated: the factor is diagonal."""
-        return np.count_nonzero(self.factor) == self.dim
+        return bool(np.count_nonzero(self.factor) == self.dim)
 
     @functools.cached_property
     def precision_mean(self) -> Array:
@@ -89,17 +101,17 @@ class Normal:
 
     def log_density(self, x: Array) -> Array:
         """log p, (n,), of x (n, d)."""
-        white = solve_triangular(self.factor, (x - self.mean).T, lower=True)
+        whitened = solve_triangular(self.factor, (x - self.mean).T, lower=True)
         constant = 0.5 * self.dim * np.log(2 * np.pi) + np.sum(np.log(np.diagonal(self.factor)))
-        return -0.5 * np.sum(white**2, axis=0) - constant
+        log_p: Array = -0.5 * np.sum(whitened**2, axis=0) - constant
+        return log_p
 
     def log_ratio(self, other: "Normal", x: Array) -> Array:
-        """log p_self(x) - log p_other(x), (n,). With a shared covariance: (x - (mu + mu') / 2)^T Sigma^{-1}
-        (mu - mu').
-        """
+        """log p_self(x) - log p_other(x), (n,); (x - (mu + mu') / 2)^T Sigma^{-1} (mu - mu') with one covariance."""
         if self.factor is other.factor:
             direction = solve(self.factor, self.mean - other.mean)
-            return np.sum((x - 0.5 * (self.mean + other.mean)) * direction, axis=1)
+            ratio: Array = np.sum((x - 0.5 * (self.mean + other.mean)) * direction, axis=1)
+            return ratio
         return self.log_density(x) - other.log_density(x)
 
     def kl(self, other: "Normal") -> float:
@@ -108,6 +120,6 @@ class Normal:
         distance = float(np.sum(shift * solve(other.factor, shift)))
         if self.factor is other.factor:
             return 0.5 * distance
-        white = solve_triangular(other.factor, self.factor, lower=True)
+        relative = solve_triangular(other.factor, self.factor, lower=True)
         log_det = np.sum(np.log(np.diagonal(other.factor))) - np.sum(np.log(np.diagonal(self.factor)))
-        return 0.5 * (float(np.sum(white**2)) - self.dim + distance) + float(log_det)
+        return 0.5 * (float(np.sum(relative**2)) - self.dim + distance) + float(log_det)

@@ -31,9 +31,25 @@ def paired(
 ) -> tuple[Estimate, Estimate]:
     """Estimates of p for both systems from the same rollouts, for `ce.compare`, which then pairs them.
 
-    The search goes for min(f_a, f_b) <= gamma, the event that either fails; its fresh sample answers for each. Each
-    f is called at most `budget` times, with the same x. method: "naive", "ce" or "mixture" (splitting has no weights
-    that two systems could share). Raises OptionsError for another method, and what `ce.estimate` raises.
+    The search goes for min(f_a, f_b) <= gamma, the event that either fails; its fresh sample answers for each. Raises
+    OptionsError for another method, and what `ce.estimate` raises.
+
+    f_a: (n, d) -> (n,), of one system, as in `ce.estimate`
+    f_b: (n, d) -> (n,), of the other, called with the same x
+    base: distribution P0 of X
+    gamma: threshold of the event, in the unit of f
+    method: "naive", "ce" or "mixture" (splitting has no weights that two systems could share)
+    budget: rows of each f, at most
+    confidence: of the intervals, in (0, 1)
+    seed: 0 <= seed < 2^64; same seed, same bits
+    options: the method's own, in place of budget and confidence
+
+    >>> import ce
+    >>> base = ce.Product([ce.Normal([0.0], [[1.0]])])
+    >>> a, b = ce.paired(lambda x: 4.0 - x[:, 0], lambda x: 4.1 - x[:, 0], base, gamma=0.0, budget=6000)
+    >>> found = ce.compare(a, b)
+    >>> found.paired, found.ratio_ci[0] < 1.5334 < found.ratio_ci[1]
+    (True, True)
     """
     if method not in METHODS:
         raise OptionsError(f"systems can be paired with methods {', '.join(METHODS)}, not {method!r}")

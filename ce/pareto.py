@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-LEAST_TAIL = 5  # weights in the tail below which nothing is fitted
+# Weights in the tail below which nothing is fitted.
+LEAST_TAIL = 5
 
 
 def pareto_k(weights: Array) -> float:
-    """Shape k of the upper tail of weights (n,) >= 0, any scale; -inf for a tail of equal weights, NaN for
-    n < 25.
-    """
+    """Shape k of the upper tail of weights (n,) >= 0, any scale; -inf for a tail of equal weights, NaN for n < 25."""
     n = weights.size
     tail = min(int(0.2 * n), math.ceil(3.0 * math.sqrt(n)))
     if tail < LEAST_TAIL:

@@ -19,8 +19,17 @@ Block = Beta | Normal | Marginal
 class Product:
     """Independent blocks side by side; x has shape (n, d), d = the sum of the blocks' dimensions.
 
-    blocks: Beta and the marginals of `ce.marginals` (one coordinate each), Normal (any number). names: one label a
-    coordinate, for people only. Scalar Betas are handled together as arrays. Not to be changed after construction.
+    Scalar Betas are handled together as arrays. Not to be changed after construction.
+
+    blocks: Beta and the marginals of `ce.marginals` (one coordinate each), Normal (any number)
+    names: one label a coordinate, for people only
+
+    >>> import ce
+    >>> base = ce.Product([ce.Beta(2, 2, low=80, high=120), ce.Normal([0.0, 0.0], [[1.0, 0.5], [0.5, 1.0]])])
+    >>> base.dim
+    3
+    >>> base.log_density([[100.0, 0.0, 0.0]]).round(4).tolist()
+    [-4.9775]
     """
 
     def __init__(self, blocks: Sequence[Block], names: Sequence[str] | None = None) -> None:
@@ -105,14 +114,12 @@ class Product:
         return total
 
     def log_ratio(self, other: "Product", x: ArrayLike) -> Array:
-        """log p_self(x) - log p_other(x), (n,): joint over all blocks, computed without the parts that
-        cancel.
-        """
+        """log p_self(x) - log p_other(x), (n,): joint over all blocks, computed without the parts that cancel."""
         x = self.checked(x)
         log_u, log_v = self.betas.statistics(x[:, self.beta_columns])
         mine, theirs = self.betas, other.betas
         terms = (mine.alpha - theirs.alpha) * log_u + (mine.beta - theirs.beta) * log_v
-        total = (terms - (mine.log_partition() - theirs.log_partition())).sum(axis=1)
+        total: Array = (terms - (mine.log_partition() - theirs.log_partition())).sum(axis=1)
         for (start, block), (_, other_block) in zip(self.normals, other.normals, strict=True):
             total = total + block.log_ratio(other_block, x[:, start : start + block.dim])
         for (column, marginal), shift in zip(self.marginals, other.shifts, strict=True):
@@ -193,7 +200,10 @@ class Product:
             density = np.exp(block.log_density(np.clip(grid, low, high)))
             return np.where(inside, density, 0.0)
         deviation = np.sqrt(block.cov[j, j])
-        return np.exp(-0.5 * ((grid - block.mean[j]) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
+        pdf: Array = np.exp(-0.5 * ((grid - block.mean[j]) / deviation) ** 2) / (
+            deviation * np.sqrt(2 * np.pi)
+        )
+        return pdf
 
     def marginal_range(self, i: int) -> tuple[float, float]:
         """Where coordinate i is worth plotting: the interval of a Beta, mean +- 4 deviations of a Normal."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ce import beta_update
 from ce.mean_update import BoxedMean
+from ce.normal import Normal
 from ce.product import Product
 
 Array = NDArray[np.float64]
@@ -19,10 +20,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Projection:
-    """Theta around a base: Beta parameters within beta_bounds (widened per parameter to hold the base's
-    own), Normal means within mean_box of the base's (None: free), shifts of other
-    marginals free, Normal covariances the base's unless
-    learn_covariance."""
+    """The constrained family Theta around a base; shifts of marginals that are neither Beta nor Normal are free.
+
+    base: the distribution P0
+    beta_bounds: of alpha and beta of every Beta, widened where the base's own lie outside
+    mean_box: largest |mu - mu0| of every Normal, in its own units (None: free)
+    learn_covariance: whether Normals' covariances are free, too
+    """
 
     base: Product
     beta_bounds: tuple[float, float]
@@ -41,8 +45,13 @@ class Projection:
         return tuple(BoxedMean(block, self.mean_box) for _, block in self.base.normals)
 
     def update(self, current: Product, x: Array, weights: Array, step: float) -> Array:
-        """Parameters of P_theta_{k+1} (see Product.parameters) from the elite rows x (n, d), their
-        normalised weights (n,), the current proposal and the step alpha in (0, 1]."""
+        """Parameters (s,) of P_theta_{k+1}, as `Product.parameters` has them.
+
+        current: the proposal P_theta_k
+        x: (n, d), elite rows
+        weights: (n,), of each, summing to one
+        step: alpha, in (0, 1]
+        """
         m = self.base.beta_columns.size
         sample_mean = _weighted_mean(weights, self.base.statistics(x))  # D_{k+1}, equation (3)
         target = step * sample_mean + (1.0 - step) * current.mean_statistics()
@@ -62,13 +71,15 @@ class Projection:
 
 
 def _weighted_mean(weights: Array, values: Array) -> Array:
-    return np.sum(weights[:, None] * values, axis=0)
+    mean: Array = np.sum(weights[:, None] * values, axis=0)
+    return mean
 
 
-def _covariance(block, x: Array, weights: Array, step: float, mean: Array) -> Array:
+def _covariance(block: Normal, x: Array, weights: Array, step: float, mean: Array) -> Array:
     """Covariance of the mixture step Q + (1 - step) P_theta: second moments about its mean."""
     deviation = x - mean
     shift = block.mean - mean
     spread = (weights[:, None] * deviation).T @ deviation
     cov = step * spread + (1.0 - step) * (block.cov + np.outer(shift, shift))
-    return 0.5 * (cov + cov.T)
+    symmetric: Array = 0.5 * (cov + cov.T)
+    return symmetric

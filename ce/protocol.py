@@ -21,10 +21,10 @@ class Algorithm(Protocol[S]):
     >>> while (batch := algorithm.propose(state)) is not None:
     ...     state, record = algorithm.update(state, batch, batch.x[:, 0])
     ...     print(record.phase, record.rollouts, record.events)
-    estimate 2000 63
-    estimate 4000 121
+    estimate 2000 60
+    estimate 4000 112
     >>> algorithm.estimate(state).p
-    0.03025
+    0.028
     """
 
     @property

@@ -114,11 +114,11 @@ class Estimate:
 
     >>> import ce
     >>> base = ce.Product([ce.Normal([0.0, 0.0], [[1.0, 0.0], [0.0, 1.0]])])
-    >>> est = ce.estimate(lambda x: 3.0 - x[:, 0], base, gamma=0.0, budget=6000, seed=1)
+    >>> est = ce.estimate(lambda x: 3.0 - x[:, 0], base, gamma=0.0, budget=10_000, seed=1)
     >>> est.method, est.rollouts, est.training_rollouts, est.converged
-    ('mixture', 6000, 3920, True)
-    >>> f"{est.p:.5f}", est.ci[0] < 0.0013499 < est.ci[1], est.warnings
-    ('0.00136', True, ())
+    ('mixture', 10000, 6000, True)
+    >>> abs(est.p / 0.0013499 - 1.0) < 0.05, est.ci[0] < 0.0013499 < est.ci[1], est.warnings
+    (True, True, ())
     """
 
     gamma: float
@@ -260,7 +260,7 @@ class Estimate:
         >>> est = ce.estimate(lambda x: 2.0 - x[:, 0], base, gamma=0.0, method="naive", budget=5000, seed=1)
         >>> curve = est.curve([0.0, 0.5, 1.0])
         >>> curve.p.round(4).tolist(), curve.events.tolist()
-        ([0.0202, 0.065, 0.1576], [101, 325, 788])
+        ([0.0252, 0.0716, 0.1674], [126, 358, 837])
         """
         gammas = np.atleast_1d(np.asarray(gammas, dtype=np.float64))
         f, w = self._below(np.max(gammas, initial=-math.inf))
@@ -281,7 +281,14 @@ class Estimate:
         return Curve(gammas, p, std_error, low, high, counts, ess, k)
 
     def simultaneous_curve(self, gammas: ArrayLike) -> Curve:
-        """As `curve`, with intervals that hold at all m thresholds together (Bonferroni)."""
+        """As `curve`, with intervals that hold at all m thresholds together (Bonferroni).
+
+        >>> import ce
+        >>> base = ce.Product([ce.Normal([0.0], [[1.0]])])
+        >>> est = ce.estimate(lambda x: 2.0 - x[:, 0], base, gamma=0.0, method="naive", budget=5000, seed=1)
+        >>> bool(est.simultaneous_curve([0.0, 0.5]).high[0] > est.curve([0.0, 0.5]).high[0])
+        True
+        """
         m = max(np.size(gammas), 1)
         return replace(self, confidence=1.0 - (1.0 - self.confidence) / m).curve(gammas)
 
@@ -345,5 +352,14 @@ class Estimate:
 
 
 def variance_ratio(reference: Estimate, other: Estimate) -> float:
-    """std_error^2 of `reference` over that of `other`: above 1 where `other` is the more precise, whatever its cost."""
+    """std_error^2 of `reference` over that of `other`: above 1 where `other` is the more precise, whatever its cost.
+
+    >>> import ce
+    >>> base = ce.Product([ce.Normal([0.0], [[1.0]])])
+    >>> few, many = (
+    ...     ce.estimate(lambda x: 1.0 - x[:, 0], base, 0.0, "naive", budget=n) for n in (1000, 100_000)
+    ... )
+    >>> 80.0 < ce.variance_ratio(few, many) < 120.0
+    True
+    """
     return (reference.std_error / other.std_error) ** 2 if other.std_error > 0 else math.nan

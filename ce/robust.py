@@ -19,8 +19,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """d p / d theta in the base's natural parameters (order of `Product.natural`), with standard errors and the
-    interval; all (s,)."""
+    """d p / d theta in the base's natural parameters, in the order of `Product.natural`; all arrays (s,).
+
+    derivative: estimate of each
+    std_error: its standard error
+    low: lower end of its interval
+    high: upper end of its interval
+    """
 
     derivative: Array
     std_error: Array
@@ -31,10 +36,22 @@ class Sensitivity:
 def reweighted(est: Estimate, base: Product, other: Product, x_events: ArrayLike) -> Estimate:
     """The estimate of P1(f(X) <= gamma) for another base P1 of the same family, from the events of `est`.
 
-    x_events: (events, d), the rollouts with f <= gamma in their order (`np.flatnonzero(est.f <= est.gamma)`). Raises
-    OptionsError, saying by how much, where the events at hand do not carry the other base: fewer than FEW_EVENTS
+    Raises OptionsError, saying by how much, where the events at hand do not carry the other base: fewer than FEW_EVENTS
     effective ones, one with more than DOMINANT_SHARE of the weight, or a Pareto k above HEAVY_TAIL. Only p at gamma
     means something in the result, not the rest of its curve.
+
+    est: of P0(f(X) <= gamma), not by splitting
+    base: distribution P0
+    other: distribution P1
+    x_events: (events, d), the rollouts with f <= gamma in their order (`np.flatnonzero(est.f <= est.gamma)`)
+
+    >>> import ce
+    >>> base, other = (ce.Product([ce.Normal([mean], [[1.0]])]) for mean in (0.0, 0.2))
+    >>> est = ce.estimate(lambda x: 1.5 - x[:, 0], base, gamma=0.0, method="naive", budget=5000, seed=1)
+    >>> x, _ = ce.draw(base, 1, "estimate", 0, 0, 5000)
+    >>> moved = ce.reweighted(est, base, other, x[est.f <= 0.0])
+    >>> moved.ci[0] < 0.0968 < moved.ci[1]
+    True
     """
     rows, x = _events(est, x_events)
     old = np.zeros(est.f.size) if est.log_weights is None else est.log_weights
@@ -56,7 +73,20 @@ def reweighted(est: Estimate, base: Product, other: Product, x_events: ArrayLike
 
 
 def sensitivity(est: Estimate, base: Product, x_events: ArrayLike) -> Sensitivity:
-    """How p changes with the base's natural parameters: E[w 1{f <= gamma} (Gamma(X) - grad A)], the score method."""
+    """How p changes with the base's natural parameters: E[w 1{f <= gamma} (Gamma(X) - grad A)], the score method.
+
+    est: of P0(f(X) <= gamma), not by splitting
+    base: distribution P0
+    x_events: (events, d), the rollouts with f <= gamma in their order
+
+    >>> import ce
+    >>> base = ce.Product([ce.Normal([0.0], [[1.0]])])
+    >>> est = ce.estimate(lambda x: 1.5 - x[:, 0], base, gamma=0.0, method="naive", budget=5000, seed=1)
+    >>> x, _ = ce.draw(base, 1, "estimate", 0, 0, 5000)
+    >>> found = ce.sensitivity(est, base, x[est.f <= 0.0])
+    >>> bool(found.low[0] < 0.1295 < found.high[0])  # the density at 1.5
+    True
+    """
     rows, x = _events(est, x_events)
     w = np.ones(rows.size) if est.log_weights is None else np.exp(est.log_weights[rows])
     terms = w[:, None] * (base.statistics(x) - base.mean_statistics())
@@ -68,10 +98,17 @@ def sensitivity(est: Estimate, base: Product, x_events: ArrayLike) -> Sensitivit
 
 
 def worst_case(p: float, radius: float) -> float:
-    """The largest Q(A) over all Q with KL(Q || P0) <= radius (nats), for an event with P0(A) = p.
+    """The largest Q(A) over all Q with KL(Q || P0) <= radius, for an event with P0(A) = p.
 
-    The worst Q tilts P0 by the event alone, so q solves q log(q / p) + (1 - q) log((1 - q) / (1 - p)) = radius. Give
-    the upper end of an interval for a bound that holds with its confidence.
+    The worst Q tilts P0 by the event alone, so q solves q log(q / p) + (1 - q) log((1 - q) / (1 - p)) = radius.
+    Raises OptionsError for other input than said here.
+
+    p: in [0, 1]; the upper end of an interval for a bound that holds with its confidence
+    radius: in nats, not negative
+
+    >>> import ce
+    >>> f"{ce.worst_case(1e-3, radius=0.01):.5f}"
+    '0.00816'
     """
     if not 0.0 <= p <= 1.0:
         raise OptionsError(f"p must lie in [0, 1], not {p!r}")

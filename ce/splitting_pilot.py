@@ -33,7 +33,8 @@ def initial_pilot(size: int, dim: int) -> PilotState:
 
 def pilot_steps(pilot: PilotState) -> Array:
     """Step sizes (d,) of the present level's next move."""
-    return np.minimum(pilot.step_factor * pilot.steps[-1], 1.0)
+    steps: Array = np.minimum(pilot.step_factor * pilot.steps[-1], 1.0)
+    return steps
 
 
 def adapted(pilot: PilotState, accepted: float, chain_length: int) -> PilotState:

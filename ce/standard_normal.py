@@ -63,7 +63,7 @@ class StandardNormal(Normal):
         return centred
 
     @property
-    def precision_mean(self) -> Array:  # type: ignore[override]
+    def precision_mean(self) -> Array:
         """theta = mu, (d,)."""
         return self.mean
 

@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 from ce.errors import OptionsError
 from ce.product import Product
 
-CHUNK = 1000  # rows
-MOST_KEPT = 2_000_000  # numbers of a chunk that a Stream keeps
+# Rows of a chunk.
+CHUNK = 1000
+# Numbers of a chunk that a Stream keeps.
+MOST_KEPT = 2_000_000
 PHASES = {"train": 0, "estimate": 1}
-_X_KIND, _NOISE_KIND = 0x7461696C, 0x726F6164  # any two fixed words: second half of the key
+# Any two fixed words: second half of the key.
+_X_KIND, _NOISE_KIND = 0x7461696C, 0x726F6164
 
 
 def checked_seed(seed: int) -> int:
@@ -29,14 +32,28 @@ def checked_seed(seed: int) -> int:
 
 
 def generator(seed: int, kind: int, phase: str, iteration: int, chunk: int) -> np.random.Generator:
+    """The random numbers of one chunk; kind: a word that keeps streams of different use apart."""
     counter = np.array([0, chunk, iteration, PHASES[phase]], dtype=np.uint64)
     key = np.array([seed, kind], dtype=np.uint64)
     return np.random.Generator(np.random.Philox(counter=counter, key=key))
 
 
 class Stream:
-    """The rows of a batch for one who asks for a few at a time: it keeps the last chunk's numbers before they are
-    correlated, which cost as much as correlating some 200 rows. The rows are those of `draw`, to the bit."""
+    """The rows of a batch for one who asks for a few at a time: those of `draw`, to the bit.
+
+    It keeps the last chunk's numbers before they are correlated, which cost as much as correlating some 200 rows.
+
+    proposal: that x is drawn from
+    seed: 0 <= seed < 2^64
+    phase: "train" or "estimate"
+    iteration: number of the batch stream within the phase
+
+    >>> import ce
+    >>> stream = ce.Stream(ce.Product([ce.Uniform(0.0, 1.0)]), seed=1, phase="estimate", iteration=0)
+    >>> x, noise = stream.draw(10, 14)
+    >>> x.shape, noise.shape
+    ((4, 1), (4,))
+    """
 
     def __init__(self, proposal: Product, seed: int, phase: str, iteration: int) -> None:
         if phase not in PHASES:
@@ -80,7 +97,12 @@ class Stream:
 
 @dataclass(frozen=True)
 class _Chunk:
-    """CHUNK rows of each Beta, of each Normal's standard normals and of each other marginal's."""
+    """A chunk's numbers before they are correlated.
+
+    betas: (CHUNK, m), of the Betas
+    normals: (CHUNK, d), standard normals of each Normal
+    marginals: (CHUNK,), standard normals of each other marginal
+    """
 
     betas: NDArray[np.float64]
     normals: list[NDArray[np.float64]]
@@ -92,8 +114,22 @@ def draw(
 ) -> tuple[NDArray[np.float64], NDArray[np.uint64]]:
     """Rows [start, stop) of a batch: x (n, d) from the proposal and a noise seed (n,) for each rollout.
 
-    phase: "train" or "estimate". Within a chunk all Betas are drawn first, then each Normal's standard normals, then
-    those of each other marginal; the whole chunk's numbers are drawn, but only the rows asked for are correlated.
+    Within a chunk all Betas are drawn first, then each Normal's standard normals, then those of each other marginal.
+    The whole chunk's numbers are drawn, but only the rows asked for are correlated.
+
+    proposal: that x is drawn from
+    seed: 0 <= seed < 2^64
+    phase: "train" or "estimate"
+    iteration: number of the batch stream within the phase
+    start: first row
+    stop: the row after the last
+
+    >>> import ce
+    >>> base = ce.Product([ce.Uniform(0.0, 1.0)])
+    >>> x, noise = ce.draw(base, 1, "estimate", 0, 0, 1000)
+    >>> again, _ = ce.draw(base, 1, "estimate", 0, 990, 1000)
+    >>> x.shape, noise.dtype, bool((again == x[990:]).all())
+    ((1000, 1), dtype('uint64'), True)
     """
     return Stream(proposal, seed, phase, iteration).draw(start, stop)
 

@@ -12,8 +12,9 @@ def normalised(log_weights: Array) -> Array:
     """exp(log w) divided by its sum, (n,): the maximum is subtracted first. Empty in, empty out."""
     if log_weights.size == 0:
         return np.zeros(0)
-    w = np.exp(log_weights - np.max(log_weights))
-    return w / np.sum(w)
+    w: Array = np.exp(log_weights - np.max(log_weights))
+    w /= np.sum(w)
+    return w
 
 
 def effective_sample_size(log_weights: Array) -> float:
