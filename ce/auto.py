@@ -96,11 +96,6 @@ class Auto(Estimator[AutoState]):
     method = "auto"
     state_type = AutoState
 
-    @property
-    def total_rollouts(self) -> int:
-        """Rollouts at most."""
-        return self.options.budget
-
     def init(self, seed: int = 0) -> AutoState:
         """The state before any rollout."""
         stage = "mixture" if self.options.budget >= LEAST_SEARCH else "naive"

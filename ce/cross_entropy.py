@@ -31,7 +31,7 @@ from ce.importance import ImportanceSampling, failed_rows, starved_warning
 from ce.product import Product
 from ce.projection import Projection
 from ce.records import Batch, EstimationRecord, TrainingRecord
-from ce.state import NO_SAMPLE, CrossEntropyState
+from ce.state import CrossEntropyState
 from ce.stopping import first_interim
 from ce.streams import checked_seed, draw
 from ce.weights import effective_sample_size, max_share, normalised, order_statistic
@@ -177,15 +177,8 @@ class CrossEntropy(ImportanceSampling[CrossEntropyState]):
         return CrossEntropyState(
             digest=self.digest,
             seed=checked_seed(seed),
-            phase="train",
-            iteration=0,
             parameters=theta,
             best_parameters=theta,
-            best_quantile=math.inf,
-            records=(),
-            failed=(),
-            base_f=np.zeros(0),
-            sample=NO_SAMPLE,
         )
 
     def propose(self, state: CrossEntropyState) -> Batch | None:

@@ -34,6 +34,11 @@ class Estimator(Generic[S]):
         object.__setattr__(self, "base", base)
         object.__setattr__(self, "gamma", gamma)
 
+    @property
+    def total_rollouts(self) -> int:
+        """Calls of f at most, training included."""
+        return int(self.options.budget)
+
     @functools.cached_property
     def digest(self) -> str:
         """Of the problem and the options: a state belongs to one digest."""

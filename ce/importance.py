@@ -14,11 +14,11 @@ from ce.naive import record_of
 from ce.product import Product
 from ce.records import EstimationRecord, TrainingRecord
 from ce.results import SAMPLING_SHARE, Estimate, FailedRollout
-from ce.state import CrossEntropyState, MixtureState
+from ce.state import SearchedState
 from ce.stopping import left_out, next_interim, spending
 
 Array = NDArray[np.float64]
-S = TypeVar("S", bound=CrossEntropyState | MixtureState)
+S = TypeVar("S", bound=SearchedState)
 
 
 class ImportanceSampling(Estimator[S]):

@@ -58,11 +58,11 @@ class Marginal:
         """T(u), elementwise."""
         u = np.clip(u, -_FARTHEST, _FARTHEST)
         tail = ndtr(-np.abs(u))
-        return np.where(u < 0, self._ppf(tail), self._isf(tail))
+        return np.where(u < 0, self._quantile(tail, True), self._quantile(tail, False))
 
     def to_standard(self, x: Array) -> Array:
         """The inverse of T; FamilyError outside the support."""
-        below, above = self._cdf(x), self._sf(x)
+        below, above = self._tail(x, True), self._tail(x, False)
         if not np.all((below >= 0) & (above >= 0) & (below + above > 0.5)) or not self._holds(x):
             raise FamilyError(f"a value lies outside the support of its {self._name} marginal")
         u: Array = np.clip(np.where(below < above, ndtri(below), -ndtri(above)), -_FARTHEST, _FARTHEST)
@@ -75,16 +75,12 @@ class Marginal:
     def _holds(self, x: Array) -> bool:
         return True
 
-    def _ppf(self, q: Array) -> Array:
+    def _quantile(self, q: Array, lower: bool) -> Array:
+        """Where F(x) = q, or where 1 - F(x) = q for the upper tail."""
         raise NotImplementedError
 
-    def _isf(self, q: Array) -> Array:
-        raise NotImplementedError
-
-    def _cdf(self, x: Array) -> Array:
-        raise NotImplementedError
-
-    def _sf(self, x: Array) -> Array:
+    def _tail(self, x: Array, lower: bool) -> Array:
+        """F(x), or 1 - F(x) for the upper tail."""
         raise NotImplementedError
 
     def _log_pdf(self, x: Array) -> Array:
@@ -112,17 +108,12 @@ class Uniform(Marginal):
         if not (self.low < self.high and math.isfinite(self.high - self.low)):
             raise FamilyError(f"Uniform needs finite low < high, not ({self.low}, {self.high})")
 
-    def _ppf(self, q: Array) -> Array:
-        return self.low + (self.high - self.low) * q
+    def _quantile(self, q: Array, lower: bool) -> Array:
+        width = self.high - self.low
+        return self.low + width * q if lower else self.high - width * q
 
-    def _isf(self, q: Array) -> Array:
-        return self.high - (self.high - self.low) * q
-
-    def _cdf(self, x: Array) -> Array:
-        return (x - self.low) / (self.high - self.low)
-
-    def _sf(self, x: Array) -> Array:
-        return (self.high - x) / (self.high - self.low)
+    def _tail(self, x: Array, lower: bool) -> Array:
+        return (x - self.low if lower else self.high - x) / (self.high - self.low)
 
     def _log_pdf(self, x: Array) -> Array:
         return np.full(np.shape(x), -math.log(self.high - self.low))
@@ -158,8 +149,30 @@ class LogNormal(Marginal):
         return -0.5 * u * u - np.log(x) - math.log(self.sigma * math.sqrt(2.0 * math.pi))
 
 
+class _ByHazard(Marginal):
+    """What Weibull and Exponential share: 1 - F(x) = exp(-H(x)) above an origin, H the cumulative hazard."""
+
+    origin: float
+
+    def _hazard(self, x: Array) -> Array:
+        raise NotImplementedError
+
+    def _at_hazard(self, h: Array) -> Array:
+        raise NotImplementedError
+
+    def _holds(self, x: Array) -> bool:
+        return bool(np.all(x >= self.origin))
+
+    def _quantile(self, q: Array, lower: bool) -> Array:
+        return self._at_hazard(-np.log1p(-q) if lower else -np.log(q))
+
+    def _tail(self, x: Array, lower: bool) -> Array:
+        h = self._hazard(x)
+        return -np.expm1(-h) if lower else np.exp(-h)
+
+
 @dataclass(frozen=True)
-class Weibull(Marginal):
+class Weibull(_ByHazard):
     """1 - F(x) = exp(-((x - origin) / scale)^shape).
 
     shape: above 0, dimensionless
@@ -177,32 +190,20 @@ class Weibull(Marginal):
     origin: float = 0.0
     shift: float = 0.0
 
-    def _holds(self, x: Array) -> bool:
-        return bool(np.all(x >= self.origin))
-
-    def _power(self, x: Array) -> Array:
+    def _hazard(self, x: Array) -> Array:
         return np.maximum((x - self.origin) / self.scale, 0.0) ** self.shape
 
-    def _ppf(self, q: Array) -> Array:
-        return self.origin + self.scale * (-np.log1p(-q)) ** (1.0 / self.shape)
-
-    def _isf(self, q: Array) -> Array:
-        return self.origin + self.scale * (-np.log(q)) ** (1.0 / self.shape)
-
-    def _cdf(self, x: Array) -> Array:
-        return -np.expm1(-self._power(x))
-
-    def _sf(self, x: Array) -> Array:
-        return np.exp(-self._power(x))
+    def _at_hazard(self, h: Array) -> Array:
+        return self.origin + self.scale * h ** (1.0 / self.shape)
 
     def _log_pdf(self, x: Array) -> Array:
         ratio = (x - self.origin) / self.scale
         with np.errstate(divide="ignore"):
-            return math.log(self.shape / self.scale) + (self.shape - 1.0) * np.log(ratio) - self._power(x)
+            return math.log(self.shape / self.scale) + (self.shape - 1.0) * np.log(ratio) - self._hazard(x)
 
 
 @dataclass(frozen=True)
-class Exponential(Marginal):
+class Exponential(_ByHazard):
     """1 - F(x) = exp(-rate (x - origin)).
 
     rate: above 0, per unit of the coordinate
@@ -218,23 +219,14 @@ class Exponential(Marginal):
     origin: float = 0.0
     shift: float = 0.0
 
-    def _holds(self, x: Array) -> bool:
-        return bool(np.all(x >= self.origin))
+    def _hazard(self, x: Array) -> Array:
+        return self.rate * (x - self.origin)
 
-    def _ppf(self, q: Array) -> Array:
-        return self.origin - np.log1p(-q) / self.rate
-
-    def _isf(self, q: Array) -> Array:
-        return self.origin - np.log(q) / self.rate
-
-    def _cdf(self, x: Array) -> Array:
-        return -np.expm1(-self.rate * (x - self.origin))
-
-    def _sf(self, x: Array) -> Array:
-        return np.exp(-self.rate * (x - self.origin))
+    def _at_hazard(self, h: Array) -> Array:
+        return self.origin + h / self.rate
 
     def _log_pdf(self, x: Array) -> Array:
-        return math.log(self.rate) - self.rate * (x - self.origin)
+        return math.log(self.rate) - self._hazard(x)
 
 
 @dataclass(frozen=True)
@@ -257,17 +249,11 @@ class Gumbel(Marginal):
     def _decay(self, x: Array) -> Array:
         return np.exp(-(x - self.location) / self.scale)
 
-    def _ppf(self, q: Array) -> Array:
-        return self.location - self.scale * np.log(-np.log(q))
+    def _quantile(self, q: Array, lower: bool) -> Array:
+        return self.location - self.scale * np.log(-np.log(q) if lower else -np.log1p(-q))
 
-    def _isf(self, q: Array) -> Array:
-        return self.location - self.scale * np.log(-np.log1p(-q))
-
-    def _cdf(self, x: Array) -> Array:
-        return np.exp(-self._decay(x))
-
-    def _sf(self, x: Array) -> Array:
-        return -np.expm1(-self._decay(x))
+    def _tail(self, x: Array, lower: bool) -> Array:
+        return np.exp(-self._decay(x)) if lower else -np.expm1(-self._decay(x))
 
     def _log_pdf(self, x: Array) -> Array:
         return -(x - self.location) / self.scale - self._decay(x) - math.log(self.scale)
@@ -309,36 +295,24 @@ class TruncatedNormal(Marginal):
         a, b = self._ends
         return float(ndtr(b) - ndtr(a)) if b < 0 else float(1.0 - ndtr(a) - ndtr(-b))
 
-    def _quantile(self, q: Array, from_low: bool) -> Array:
+    def _quantile(self, q: Array, lower: bool) -> Array:
         a, b = self._ends
-        if from_low:
+        if lower == (self._sign > 0):
             z = ndtri(ndtr(a) + q * self._mass)
         else:
             z = -ndtri(ndtr(-b) + q * self._mass) if b > 0 else ndtri(ndtr(b) - q * self._mass)
         x: Array = np.clip(self.mean + self.deviation * self._sign * np.clip(z, a, b), self.low, self.high)
         return x
 
-    def _ppf(self, q: Array) -> Array:
-        return self._quantile(q, self._sign > 0)
-
-    def _isf(self, q: Array) -> Array:
-        return self._quantile(q, self._sign < 0)
-
-    def _share(self, x: Array, from_low: bool) -> Array:
+    def _tail(self, x: Array, lower: bool) -> Array:
         a, b = self._ends
         z = np.clip(self._sign * (x - self.mean) / self.deviation, a, b)
         share: Array
-        if from_low:
+        if lower == (self._sign > 0):
             share = ndtr(z) - ndtr(a)
         else:
             share = ndtr(-z) - ndtr(-b) if b > 0 else ndtr(b) - ndtr(z)
         return share / self._mass
-
-    def _cdf(self, x: Array) -> Array:
-        return self._share(x, self._sign > 0)
-
-    def _sf(self, x: Array) -> Array:
-        return self._share(x, self._sign < 0)
 
     def _holds(self, x: Array) -> bool:
         return bool(np.all((x >= self.low) & (x <= self.high)))

@@ -47,7 +47,7 @@ from ce.mixture_search import (
 from ce.product import Product
 from ce.records import Batch, EstimationRecord, TrainingRecord
 from ce.standard import from_standard
-from ce.state import NO_SAMPLE, MixtureState
+from ce.state import MixtureState
 from ce.stopping import first_interim
 from ce.streams import checked_seed, generator, noise_seeds
 from ce.weights import effective_sample_size, max_share, normalised, order_statistic
@@ -70,26 +70,14 @@ class MixtureSampling(ImportanceSampling[MixtureState]):
     method = "mixture"
     state_type = MixtureState
 
-    @property
-    def total_rollouts(self) -> int:
-        """Rollouts at most, training included."""
-        return self.options.budget
-
     def init(self, seed: int = 0) -> MixtureState:
         """The state before any rollout: the first proposal is the base."""
         return MixtureState(
             digest=self.digest,
             seed=checked_seed(seed),
-            phase="train",
-            iteration=0,
-            mixtures=(only_base(),),
             parameters=self.base.parameters(),
+            mixtures=(only_base(),),
             search=initial_search(self.base.dim),
-            mode_coverage=math.nan,
-            records=(),
-            failed=(),
-            base_f=np.zeros(0),
-            sample=NO_SAMPLE,
         )
 
     def propose(self, state: MixtureState) -> Batch | None:

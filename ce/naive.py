@@ -58,11 +58,6 @@ class Naive(Estimator[NaiveState]):
     method = "naive"
     state_type = NaiveState
 
-    @property
-    def total_rollouts(self) -> int:
-        """Rollouts at most."""
-        return self.options.budget
-
     def init(self, seed: int = 0) -> NaiveState:
         """The state before any rollout."""
         o = self.options

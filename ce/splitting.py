@@ -49,11 +49,6 @@ class Splitting(Estimator[SplittingState]):
     method = "splitting"
     state_type = SplittingState
 
-    @property
-    def total_rollouts(self) -> int:
-        """Rollouts at most, the pilot's included."""
-        return self.options.budget
-
     def init(self, seed: int = 0) -> SplittingState:
         """The state before any rollout."""
         return SplittingState(

@@ -1,5 +1,7 @@
 """The frozen states of the algorithms, which `ce.codec` writes as bytes."""
 
+import math
+
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +32,8 @@ class FreshSample(msgspec.Struct, frozen=True, eq=False):
     interim_looks: int = 0
 
 
-NO_SAMPLE = FreshSample(np.zeros(0), np.zeros(0), 0)
+NOTHING = np.zeros(0)
+NO_SAMPLE = FreshSample(NOTHING, NOTHING, 0)
 
 
 class NaiveState(msgspec.Struct, frozen=True, eq=False):
@@ -56,33 +59,40 @@ class NaiveState(msgspec.Struct, frozen=True, eq=False):
     format: int = FORMAT
 
 
-class CrossEntropyState(msgspec.Struct, frozen=True, eq=False):
-    """Algorithm 1.
+class SearchedState(msgspec.Struct, frozen=True, eq=False, kw_only=True):
+    """What the states of `ce.importance` share: a search, then a fresh sample.
 
     digest: of the problem and the options
     seed: of the streams
-    phase: "train", "estimate" or "done"
-    iteration: of the search, 0 in the estimate
-    parameters: (s,), of the proposal being sampled
-    best_parameters: (s,), of the proposal with the lowest rho-quantile
-    best_quantile: that quantile, in the unit of f
-    records: one an iteration of the search
-    failed: (iteration, row) of each failed training rollout
+    phase: "train", "estimate" or "done", and what else the search has
+    iteration: batches of the search answered; 0 in the estimate
+    parameters: (s,), of the proposal being sampled, or of the member of the base's family nearest to it
+    records: one a batch of the search
+    failed: (iteration, row) of each failed rollout of the search
     base_f: (N_0,), f of the first iteration, whose rollouts come from the base itself
     sample: the estimation rollouts
     """
 
     digest: str
     seed: int
-    phase: str
-    iteration: int
+    phase: str = "train"
+    iteration: int = 0
     parameters: Array
+    records: tuple[TrainingRecord, ...] = ()
+    failed: tuple[tuple[int, int], ...] = ()
+    base_f: Array = NOTHING
+    sample: FreshSample = NO_SAMPLE
+
+
+class CrossEntropyState(SearchedState, frozen=True, eq=False, kw_only=True):
+    """Algorithm 1.
+
+    best_parameters: (s,), of the proposal with the lowest rho-quantile
+    best_quantile: that quantile, in the unit of f
+    """
+
     best_parameters: Array
-    best_quantile: float
-    records: tuple[TrainingRecord, ...]
-    failed: tuple[tuple[int, int], ...]
-    base_f: Array
-    sample: FreshSample
+    best_quantile: float = math.inf
     method: str = "ce"
     format: int = FORMAT
 
@@ -118,35 +128,17 @@ class MixtureSearch(msgspec.Struct, frozen=True, eq=False):
     shares: tuple[float, ...] = ()
 
 
-class MixtureState(msgspec.Struct, frozen=True, eq=False):
-    """Mixture sampling.
+class MixtureState(SearchedState, frozen=True, eq=False, kw_only=True):
+    """Mixture sampling, which has the phase "mode-search", too.
 
-    digest: of the problem and the options
-    seed: of the streams
-    phase: "train", "mode-search", "estimate" or "done"
-    iteration: batches of the search answered, those of the mode search among them; 0 in the estimate
     mixtures: the proposals so far, the last of them the one being sampled
-    parameters: (s,), of the member of the base's family nearest to that
     search: how far the search has come
     mode_coverage: share of the mode search's states that the last proposal covers, NaN without a mode search
-    records: one a batch of the search
-    failed: (iteration, row) of each failed rollout of the search
-    base_f: (N_0,), f of the first iteration, whose rollouts come from the base itself
-    sample: the estimation rollouts
     """
 
-    digest: str
-    seed: int
-    phase: str
-    iteration: int
     mixtures: tuple[Mixture, ...]
-    parameters: Array
     search: MixtureSearch
-    mode_coverage: float
-    records: tuple[TrainingRecord, ...]
-    failed: tuple[tuple[int, int], ...]
-    base_f: Array
-    sample: FreshSample
+    mode_coverage: float = math.nan
     method: str = "mixture"
     format: int = FORMAT
 
