@@ -38,7 +38,6 @@ from ce.records import Batch, EstimationRecord, TrainingRecord
 from ce.results import Estimate, FailedRollout
 from ce.splitting import Splitting, SplittingOptions
 from ce.state import AutoState, MixtureState
-from ce.streams import checked_seed
 
 # Share of events in the pilot from which naive Monte Carlo is taken.
 COMMON = 0.1
@@ -88,18 +87,13 @@ class AutoOptions:
 
 
 @dataclass(frozen=True)
-class Auto(Estimator[AutoState]):
-    """The algorithm: pure functions of a frozen state."""
+class Auto(Estimator[AutoState], method="auto", state_type=AutoState):
+    """Method auto as pure functions of a frozen `AutoState`."""
 
     options: AutoOptions = AutoOptions()
 
-    method = "auto"
-    state_type = AutoState
-
-    def init(self, seed: int = 0) -> AutoState:
-        """The state before any rollout."""
+    def _initial(self, seed: int) -> AutoState:
         stage = "mixture" if self.options.budget >= LEAST_SEARCH else "naive"
-        seed = checked_seed(seed)
         inner = self._inner(stage, 0)
         return AutoState(
             self.digest, seed, stage, 0, False, to_bytes(inner.init(_stage_seed(seed, stage))), (), ""

@@ -50,7 +50,11 @@ class Chains(msgspec.Struct, frozen=True, eq=False):
         )
 
     def proposed(self, source: np.random.Generator, step: Array | float) -> tuple[Array, NDArray[np.uint64]]:
-        """u (n, d) and noise (n,) of a move of every chain; step: s in (0, 1], one for all or one a coordinate (d,)."""
+        """u (n, d) and noise (n,) of a move of every chain.
+
+        source: of random numbers
+        step: s in (0, 1], one for all or one a coordinate (d,)
+        """
         z = source.standard_normal(self.u.shape)
         fresh = source.random(self.size) < 0.5
         noise = np.where(fresh, source.bit_generator.random_raw(self.size), self.noise)

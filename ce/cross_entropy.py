@@ -33,7 +33,7 @@ from ce.projection import Projection
 from ce.records import Batch, EstimationRecord, TrainingRecord
 from ce.state import CrossEntropyState
 from ce.stopping import first_interim
-from ce.streams import checked_seed, draw
+from ce.streams import draw
 from ce.weights import effective_sample_size, max_share, normalised, order_statistic
 
 Array = NDArray[np.float64]
@@ -145,17 +145,14 @@ class CrossEntropyOptions:
 
 
 @dataclass(frozen=True)
-class CrossEntropy(ImportanceSampling[CrossEntropyState]):
-    """The algorithm: pure functions of a frozen state."""
+class CrossEntropy(ImportanceSampling[CrossEntropyState], method="ce", state_type=CrossEntropyState):
+    """Algorithm 1 as pure functions of a frozen `CrossEntropyState`."""
 
     options: CrossEntropyOptions = CrossEntropyOptions()
 
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "options", self.options.resolved())
-
-    method = "ce"
-    state_type = CrossEntropyState
 
     @functools.cached_property
     def projection(self) -> Projection:
@@ -171,18 +168,17 @@ class CrossEntropy(ImportanceSampling[CrossEntropyState]):
 
     # -- ask and tell ----------------------------------------------------------------------------------------
 
-    def init(self, seed: int = 0) -> CrossEntropyState:
-        """The state before any rollout: theta_0 is the base."""
+    def _initial(self, seed: int) -> CrossEntropyState:
         theta = self.base.parameters(self.options.learn_covariance)
         return CrossEntropyState(
             digest=self.digest,
-            seed=checked_seed(seed),
+            seed=seed,
             parameters=theta,
             best_parameters=theta,
         )
 
     def propose(self, state: CrossEntropyState) -> Batch | None:
-        """The next batch: one iteration of the search, or part of the fresh sample. None when finished."""
+        """The next batch, one iteration of the search or a part of the fresh sample; None when finished."""
         if state.phase == "done":
             return None
         start, stop = self._rows(state)

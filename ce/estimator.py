@@ -9,13 +9,17 @@ import msgspec
 from ce.checks import checked_problem
 from ce.codec import digest_of, from_bytes, to_bytes
 from ce.product import Product
+from ce.streams import checked_seed
 
 S = TypeVar("S", bound=msgspec.Struct)
 
 
 @dataclass(frozen=True)
 class Estimator(Generic[S]):
-    """An algorithm for p = P0(f(X) <= gamma) whose states are of type S; the algorithms derive from it.
+    """An algorithm for p = P0(f(X) <= gamma) whose states are of type S.
+
+    The algorithms derive from it, saying their name and state type: `class Naive(Estimator[NaiveState], method="naive",
+    state_type=NaiveState)`.
 
     base: distribution P0 of X
     gamma: threshold of the event, in the unit of f
@@ -29,10 +33,21 @@ class Estimator(Generic[S]):
     method: ClassVar[str]
     state_type: ClassVar[type[msgspec.Struct]]
 
+    def __init_subclass__(cls, method: str = "", state_type: type[msgspec.Struct] = msgspec.Struct) -> None:
+        super().__init_subclass__()
+        cls.method, cls.state_type = method, state_type
+
     def __post_init__(self) -> None:
         base, gamma = checked_problem(self.base, self.gamma)
         object.__setattr__(self, "base", base)
         object.__setattr__(self, "gamma", gamma)
+
+    def init(self, seed: int = 0) -> S:
+        """The state before any rollout; seed: 0 <= seed < 2^64, of all its streams."""
+        return self._initial(checked_seed(seed))
+
+    def _initial(self, seed: int) -> S:
+        raise NotImplementedError
 
     @property
     def total_rollouts(self) -> int:

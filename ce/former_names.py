@@ -25,8 +25,13 @@ def accepts_former(names: Mapping[str, str]) -> Callable[[type[T]], type[T]]:
 
 
 def with_present_names(names: Mapping[str, str], given: Mapping[str, Any]) -> dict[str, Any]:
-    """The options given by name, with a DeprecationWarning for each former name (a key of `names`) replaced by the
-    present one; TypeError where an option is given under both."""
+    """The options given by name, each former name replaced by the present one with a DeprecationWarning.
+
+    Raises TypeError where an option is given under both.
+
+    names: the present name of each former one
+    given: the options by name
+    """
     present = dict(given)
     for former, name in names.items():
         if former in present:

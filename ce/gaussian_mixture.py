@@ -73,7 +73,7 @@ def draw_standard(
 
 
 def _shifted(mixture: Mixture, z: Array, pick: Array) -> Array:
-    """Standard normals z (n, d) moved to the mixture; pick: (n,) uniform, chooses each row's component."""
+    """Standard normals z (n, d) moved to the mixture, each row to the component that its uniform pick (n,) chooses."""
     upto = mixture.base_share
     for part in mixture.parts:
         for share, mean, factor in zip(part.shares, part.means, part.factors, strict=True):
@@ -94,8 +94,11 @@ def log_ratio(mixture: Mixture, u: Array) -> Array:
 
 
 def mean_log_ratio(mixtures: Sequence[Mixture], u: Array) -> Array:
-    """log of the mean over the mixtures of q / phi, (n,), of u (n, d): less this is the log weight by the balance
-    heuristic (Veach and Guibas, SIGGRAPH 1995; Owen and Zhou, JASA 95, 2000)."""
+    """log of the mean over the mixtures of q / phi, (n,), of u (n, d).
+
+    Its negative is the log weight by the balance heuristic (Veach and Guibas, SIGGRAPH 1995; Owen and Zhou, JASA 95,
+    2000).
+    """
     total = np.zeros(u.shape[0])
     for count, mixture in enumerate(mixtures):
         ratio = log_ratio(mixture, u)

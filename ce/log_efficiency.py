@@ -28,8 +28,14 @@ Array = NDArray[np.float64]
 
 
 def log_efficiency(f: Array, log_w: Array, level: float) -> float:
-    """log m2 / log p - 1 of {f <= level} for a batch with f (n,) and log weights (n,); NaN where the level says nothing
-    yet. Equally: log of the effective events a rollout over those of naive Monte Carlo, by -log p."""
+    """log m2 / log p - 1 of {f <= level} by a batch, NaN where the level says nothing yet.
+
+    It is also the logarithm of the effective events a rollout over those of naive Monte Carlo, divided by -log p.
+
+    f: (n,), values of the batch
+    log_w: (n,), log weights base / proposal
+    level: that the proposal was fitted to, in the unit of f
+    """
     w = np.exp(log_w[f <= level])
     p = float(w.sum()) / f.size
     if not level < math.inf or not 0.0 < p <= LARGEST_P:
@@ -38,8 +44,7 @@ def log_efficiency(f: Array, log_w: Array, level: float) -> float:
 
 
 def stalled(efficiencies: Sequence[float], spent: float, since_mode_search: int | None = None) -> bool:
-    """Whether a search's proposals are hardly ahead of the base, and not getting further ahead, though a fair share of
-    the budget is spent.
+    """Whether a search's proposals are hardly ahead of the base and do not get further, late enough in the budget.
 
     efficiencies: `log_efficiency` of each batch, NaN where a level tells nothing yet
     spent: share of the budget

@@ -137,9 +137,11 @@ class LogNormal(Marginal):
     shift: float = 0.0
 
     def from_standard(self, u: Array) -> Array:
+        """T(u), elementwise."""
         return np.exp(self.mu + self.sigma * u)
 
     def to_standard(self, x: Array) -> Array:
+        """The inverse of T; FamilyError outside the support."""
         if not np.all(x > 0):
             raise FamilyError("a value lies outside the support of its LogNormal marginal")
         return (np.log(x) - self.mu) / self.sigma

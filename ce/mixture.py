@@ -49,7 +49,7 @@ from ce.records import Batch, EstimationRecord, TrainingRecord
 from ce.standard import from_standard
 from ce.state import MixtureState
 from ce.stopping import first_interim
-from ce.streams import checked_seed, generator, noise_seeds
+from ce.streams import generator, noise_seeds
 from ce.weights import effective_sample_size, max_share, normalised, order_statistic
 
 __all__ = ["LEAST_BUDGET", "MixtureOptions", "MixtureSampling"]
@@ -62,27 +62,22 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class MixtureSampling(ImportanceSampling[MixtureState]):
-    """The algorithm: pure functions of a frozen state."""
+class MixtureSampling(ImportanceSampling[MixtureState], method="mixture", state_type=MixtureState):
+    """Mixture sampling as pure functions of a frozen `MixtureState`."""
 
     options: MixtureOptions = field(default_factory=MixtureOptions)
 
-    method = "mixture"
-    state_type = MixtureState
-
-    def init(self, seed: int = 0) -> MixtureState:
-        """The state before any rollout: the first proposal is the base."""
+    def _initial(self, seed: int) -> MixtureState:
         return MixtureState(
             digest=self.digest,
-            seed=checked_seed(seed),
+            seed=seed,
             parameters=self.base.parameters(),
             mixtures=(only_base(),),
             search=initial_search(self.base.dim),
         )
 
     def propose(self, state: MixtureState) -> Batch | None:
-        """The next batch: an iteration of the search, a part of the mode search or of the fresh sample; None when
-        finished."""
+        """The next batch, of the search, of the mode search or of the fresh sample; None when finished."""
         if state.phase == "done":
             return None
         u, noise = self._standard(state)
@@ -130,8 +125,7 @@ class MixtureSampling(ImportanceSampling[MixtureState]):
 
     @functools.lru_cache(maxsize=1)  # noqa: B019 (one batch, from `propose` to the `update` that answers it)
     def _standard(self, state: MixtureState) -> tuple[Array, NDArray[np.uint64]]:
-        """The batch in standard-normal space and its noise, read only: a function of the state, which does not keep
-        them."""
+        """The batch in standard-normal space and its noise, read only; a function of the state, which keeps neither."""
         u, noise = self._drawn(state)
         u.setflags(write=False)
         noise.setflags(write=False)

@@ -137,10 +137,14 @@ def fit_clusters(
 
 
 def aligned(part: Part, label: NDArray[np.intp], u: Array, f: Array) -> Part:
-    """The part with each mean brought back to the line along which f falls, where a regression on rows u (n, d) with
-    values f (n,) around it is sure of that line: the rest of a mean over few chains is noise, which costs weights.
+    """The part with each mean brought back to the line along which f falls, where a regression around it is sure of it.
 
+    The rest of a mean over few chains is noise, which costs weights.
+
+    part: to be aligned
     label: (n,), the component that each row is nearest to, -1 for none of this part
+    u: (n, d), the rows
+    f: (n,), their values
     """
     means = part.means @ part.basis.T
     unit = means / np.maximum(np.sqrt(np.sum(means**2, axis=1, keepdims=True)), 1e-300)
@@ -225,7 +229,14 @@ def _covariances(form: str, raw: Array, counts: Array, means: Array) -> Array:
 def _em(
     y: Array, w: Array, responsibility: Array, ess: float, form: str
 ) -> tuple[float, Array, Array, Array]:
-    """BIC (higher is better), shares, means, covariances; responsibility: (n, k) to begin with."""
+    """BIC (higher is better), shares (k,), means (k, r) and covariances (k, r, r) of the mixture that EM ends in.
+
+    y: (n, r), samples
+    w: (n,), their weights, which sum to one
+    responsibility: (n, k), to begin with
+    ess: effective number of samples
+    form: of the covariances, one of FORMS
+    """
     r, k = y.shape[1], responsibility.shape[1]
     previous = -math.inf
     columns = np.ascontiguousarray(y.T)

@@ -33,7 +33,7 @@ def record_of_search(
     kl: float,
     summary: dict[str, float],
 ) -> TrainingRecord:
-    """The record of a batch with values f (n,), its elites not weighed yet; gamma_k: `level`."""
+    """The record of a batch with values f (n,), whose gamma_k is `level` and whose elites are not weighed yet."""
     return TrainingRecord(
         iteration=iteration,
         rollouts=f.size,
@@ -52,8 +52,13 @@ def record_of_search(
 
 
 def nearest_parameters(base: Product, u: Array, weights: Array, part: Part) -> Array:
-    """Parameters (s,) of the member of the base's family nearest to the elites u (n, d) with weights (n,): Betas fitted
-    to them, means as the part has them."""
+    """Parameters (s,) of the member of the base's family nearest to what is sampled.
+
+    base: distribution P0
+    u: (e, d), elites, to which Betas are fitted
+    weights: (e,), theirs, which sum to one
+    part: that means and shifts are taken from
+    """
     own = np.stack([base.betas.alpha, base.betas.beta])
     betas = own
     if base.beta_columns.size:

@@ -68,7 +68,15 @@ def initial_search(dim: int) -> MixtureSearch:
 def chosen_elites(
     state: MixtureState, u: Array, f: Array, quantile: float, gamma: float, options: MixtureOptions
 ) -> Elites:
-    """The elites among those so far and the rows u (n, d) with values f (n,) of a batch; at most MOST_ELITES."""
+    """The elites among those so far and a batch, at most MOST_ELITES of them.
+
+    state: before the batch
+    u: (n, d), the batch in standard-normal space
+    f: (n,), its values, NaN = failed rollout
+    quantile: its rho-quantile, in the unit of f
+    gamma: threshold of the event, in the unit of f
+    options: of the method
+    """
     search = state.search
     ok = np.flatnonzero(~np.isnan(f))
     # All that may be an elite, from which the lowest level is chosen that enough of them, by weight, are below.
@@ -99,8 +107,17 @@ def chosen_elites(
 def lowest_level(
     f: Array, log_w: Array, top: float, gamma: float, dim: int, options: MixtureOptions
 ) -> float:
-    """The lowest level, from gamma to `top`, below which the values f (n,) are worth enough for a fit; gamma itself
-    where the events are worth ENOUGH_TO_JUMP, which in many dimensions is not enough for a fit."""
+    """The lowest level, from gamma to `top`, below which the effective number of values is enough for a fit.
+
+    In few dimensions it is gamma itself already where there are ENOUGH_TO_JUMP effective events.
+
+    f: (n,), values
+    log_w: (n,), their log weights
+    top: the level at most, in the unit of f
+    gamma: threshold of the event, in the unit of f
+    dim: d
+    options: of the method
+    """
     all_elites = options.rho * options.iteration_size(dim)
     needed = min(all_elites, max(LEAST_ELITES, min(0.6 * all_elites, ENOUGH_ELITES)))
     jump = min(needed, ENOUGH_TO_JUMP) if dim <= HIGH_DIMENSION else needed
@@ -125,7 +142,16 @@ def progressed(
     fits_made: int,
     gamma: float,
 ) -> MixtureSearch:
-    """The search with a batch taken into account: f (n,) and log q / phi (n,), its quantile and the elites after it."""
+    """The search with a batch taken into account.
+
+    search: before the batch
+    elites: after it
+    f: (n,), its values
+    ratio: (n,), log q / phi of each row, q being its proposal
+    quantile: its rho-quantile, in the unit of f
+    fits_made: proposals so far
+    gamma: threshold of the event, in the unit of f
+    """
     event_log_w = -ratio[f <= gamma]
     reached = search.reached_at >= 0 or elites.level <= gamma
     ess_rates = search.ess_rates
@@ -165,8 +191,13 @@ def proposal_of(search: MixtureSearch, log_w: Array, first: bool, options: Mixtu
 
 
 def directions_of(mixture: Mixture, u: Array, f: Array, elites: Elites) -> list[Direction]:
-    """Where f falls, around each component of the mixture that u (n, d) was drawn from and has enough rows for it, and
-    over all; with the elites' influence on it. Surest first, at most MOST_DIRECTIONS."""
+    """Where f falls over a batch, and around each component of its proposal that has rows enough; surest first.
+
+    mixture: the proposal that the batch was drawn from
+    u: (n, d), the batch in standard-normal space
+    f: (n,), its values
+    elites: whose influence on the directions is wanted
+    """
     if u.shape[1] <= LARGEST_FREE:
         return []
     label = component_of(mixture, u)
@@ -191,8 +222,10 @@ def aligned_found(found: Part, sampled: Mixture, u: Array, f: Array) -> Part:
 
 
 def mode_coverage(state: MixtureState) -> float:
-    """Share of the mode search's states that the last fits cover, what it found left out; 1 where the elites that they
-    do not cover carry less than LEAST_MASS of the event, NaN without a mode search."""
+    """Share of the mode search's states that the last fits cover, what it found left out; NaN without a mode search.
+
+    It is 1 where the elites that the fits do not cover carry less than LEAST_MASS of the event.
+    """
     search = state.search
     if search.mode_search is None or not search.mode_search.visited.size:
         return math.nan

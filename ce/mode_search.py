@@ -65,7 +65,11 @@ class ModeSearch(msgspec.Struct, frozen=True, eq=False):
 
 
 def init(dim: int, bound: float) -> ModeSearch:
-    """The mode search before its first batch; bound: gamma where the search has reached it, +inf where it has not."""
+    """The mode search before its first batch.
+
+    dim: d
+    bound: gamma where the search has reached it, +inf where it has not
+    """
     return ModeSearch(0, bound, Chains.none(dim), FIRST_STEP, np.zeros((0, dim)))
 
 
@@ -76,7 +80,7 @@ def sizes(budget: int) -> tuple[int, int]:
 
 
 def propose(state: ModeSearch, hot: int, seed: int, iteration: int) -> tuple[Array, NDArray[np.uint64]]:
-    """u (n, d) and noise (n,) of the next batch, `hot` rows or a move of every chain; a function of its arguments."""
+    """u (n, d) and noise (n,) of the next batch, `hot` rows or a move of every chain."""
     if state.step > 0:
         return state.chains.proposed(generator(seed, _MOVE_KIND, "train", iteration, 0), state.step_size)
     d = state.visited.shape[1]
@@ -99,7 +103,16 @@ def update(
     seed: int,
     iteration: int,
 ) -> ModeSearch:
-    """The mode search after the batch (u, noise) was answered with f (n,); chains: to begin, after the hot rows."""
+    """The mode search after a batch was answered.
+
+    u: (n, d), the batch in standard-normal space
+    noise: (n,), its rollouts' own seeds
+    f: (n,), the answer, NaN = failed rollout
+    gamma: threshold of the event, in the unit of f
+    chains: to begin, after the hot rows
+    seed: of the streams
+    iteration: number of the batch
+    """
     if state.step == 0:
         below = np.flatnonzero(f <= gamma)
         if below.size < (LEAST_EVENTS if state.bound > gamma else 1):
@@ -142,8 +155,11 @@ def _spread(u: Array, count: int, source: np.random.Generator) -> NDArray[np.int
 
 
 def uncovered(log_w: Array, event_log_w: Array) -> NDArray[np.bool_]:
-    """Which states, with log weights base / proposal (h,), weigh far more than the event usually does where it was
-    sampled, with log weights (e,): there hardly a rollout of the proposal would come."""
+    """Which states weigh far more than the event usually does where it was sampled: a proposal hardly comes there.
+
+    log_w: (h,), log weights base / proposal of the states
+    event_log_w: (e,), log weights of the event's samples
+    """
     if event_log_w.size == 0:
         return np.ones(log_w.size, dtype=bool)
     order = np.argsort(event_log_w)

@@ -17,7 +17,7 @@ from ce.records import Batch, EstimationRecord
 from ce.results import Estimate, FailedRollout
 from ce.state import NaiveState
 from ce.stopping import first_interim, left_out, next_interim, spending
-from ce.streams import checked_seed, draw
+from ce.streams import draw
 
 LEAST_BUDGET = 1
 
@@ -50,19 +50,15 @@ class NaiveOptions:
 
 
 @dataclass(frozen=True)
-class Naive(Estimator[NaiveState]):
-    """The algorithm: pure functions of a frozen state."""
+class Naive(Estimator[NaiveState], method="naive", state_type=NaiveState):
+    """Naive Monte Carlo as pure functions of a frozen `NaiveState`."""
 
     options: NaiveOptions = NaiveOptions()
 
-    method = "naive"
-    state_type = NaiveState
-
-    def init(self, seed: int = 0) -> NaiveState:
-        """The state before any rollout."""
+    def _initial(self, seed: int) -> NaiveState:
         o = self.options
         interim_at = first_interim(o.rel_error, o.budget, o.batch_size)
-        return NaiveState(self.digest, checked_seed(seed), np.zeros(0), interim_at, False)
+        return NaiveState(self.digest, seed, np.zeros(0), interim_at, False)
 
     def propose(self, state: NaiveState) -> Batch | None:
         """The next batch, None when finished."""

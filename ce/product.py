@@ -72,8 +72,11 @@ class Product:
     # -- natural exponential family -------------------------------------------------------------------------
 
     def statistics(self, x: ArrayLike) -> Array:
-        """Gamma(x), (n, s): log u of each Beta, log(1 - u) of each Beta, each Normal's x, each other marginal's
-        value in standard-normal space."""
+        """Gamma(x), (n, s), of x (n, d).
+
+        In this order: log u of each Beta, log(1 - u) of each Beta, each Normal's x, each other marginal's value in
+        standard-normal space.
+        """
         x = self.checked(x)
         parts = [*self.betas.statistics(x[:, self.beta_columns])]
         parts += [x[:, s : s + b.dim] for s, b in self.normals]
@@ -137,10 +140,10 @@ class Product:
     # -- parameters as a vector ------------------------------------------------------------------------------
 
     def parameters(self, covariances: bool = False) -> Array:
-        """Alphas, betas, each Normal's mean, each other marginal's shift (and, if asked, the Normals' covariances row
-        by row): a flat vector.
+        """Alphas, betas, each Normal's mean and each other marginal's shift as a flat vector (s,).
 
-        This is what is stored and sent: together with the base it gives the proposal back to the bit.
+        If `covariances`, the Normals' covariances follow row by row. This is what is stored and sent: together with the
+        base it gives the proposal back to the bit.
         """
         parts = [self.betas.alpha, self.betas.beta, *(b.mean for _, b in self.normals), self.shifts]
         if covariances:

@@ -185,7 +185,7 @@ class Estimate:
 
     @property
     def ess(self) -> float:
-        """Effective number of events, (sum w)^2 / sum w^2 over the events only; naive: the number of events."""
+        """Effective number of events, (sum w)^2 / sum w^2 over the events only, which is their number for naive."""
         return float(self._at_gamma.ess[0])
 
     @functools.cached_property
@@ -328,7 +328,12 @@ class Estimate:
         return np.sort(self.base_f[~np.isnan(self.base_f)])
 
     def _interval(self, of: EventSums, gammas: Array, tail: Array) -> tuple[Array, Array, Array, Array]:
-        """p, standard error, low and high (m,) at the thresholds (m,); tail: Pareto k of the events' weights (m,)."""
+        """p, standard error, lower and upper end, each (m,).
+
+        of: sums over the events at m thresholds
+        gammas: (m,), the thresholds
+        tail: (m,), Pareto k of the events' weights
+        """
         if of.n == 0:
             nan = np.full(gammas.shape, np.nan)
             return nan, nan, np.zeros(gammas.shape), np.ones(gammas.shape)

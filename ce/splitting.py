@@ -30,7 +30,7 @@ from ce.results import SAMPLING_SHARE, FailedRollout
 from ce.splitting_options import LEAST_BUDGET, SplittingOptions
 from ce.standard import from_standard
 from ce.state import LevelState, SplittingState
-from ce.streams import checked_seed, generator
+from ce.streams import generator
 from ce.weights import order_statistic
 
 __all__ = ["LEAST_BUDGET", "Splitting", "SplittingOptions"]
@@ -41,19 +41,15 @@ _MOVE_KIND = 0x73706C69
 
 
 @dataclass(frozen=True)
-class Splitting(Estimator[SplittingState]):
-    """The algorithm: pure functions of a frozen state."""
+class Splitting(Estimator[SplittingState], method="splitting", state_type=SplittingState):
+    """Multilevel splitting as pure functions of a frozen `SplittingState`."""
 
     options: SplittingOptions = field(default_factory=SplittingOptions)
 
-    method = "splitting"
-    state_type = SplittingState
-
-    def init(self, seed: int = 0) -> SplittingState:
-        """The state before any rollout."""
+    def _initial(self, seed: int) -> SplittingState:
         return SplittingState(
             digest=self.digest,
-            seed=checked_seed(seed),
+            seed=seed,
             phase="pilot",
             batches=0,
             rollouts=0,
@@ -64,7 +60,7 @@ class Splitting(Estimator[SplittingState]):
         )
 
     def propose(self, state: SplittingState) -> Batch | None:
-        """The next batch: a level-0 sample, or one move of every chain. None when finished."""
+        """The next batch, a level-0 sample or one move of every chain; None when finished."""
         if state.phase == "done":
             return None
         u, noise, _ = self._proposed(state)
@@ -188,8 +184,10 @@ class Splitting(Estimator[SplittingState]):
 
     @staticmethod
     def _kept(state: SplittingState) -> SplittingState:
-        """The state with the chains' present states in the level's sample: all of them in the pilot; later only those
-        that the next level may grow from, and of all their f."""
+        """The state with the chains' present states in the level's sample.
+
+        In the pilot it takes all of them; later only those that the next level may grow from, but the f of all.
+        """
         level, made, new = state.level, state.replications, state.level.chains
         if state.phase != "pilot":
             made = splitting_replications.with_values(made, new)

@@ -55,8 +55,12 @@ def next_group(state: ReplicationsState) -> ReplicationsState:
 
 
 def next_level(state: ReplicationsState, survivors: Chains, bound: float) -> ReplicationsState:
-    """The replications when a level's survivors, those with f <= bound, are handed on to the next level's sample; what
-    lies above the bound keeps its weight."""
+    """The replications when a level's survivors are handed on to the next level; the others keep their weights.
+
+    state: with the level complete
+    survivors: rows of the level with f <= bound
+    bound: the next level, in the unit of f
+    """
     counts = np.bincount(survivors.replication, minlength=state.group_size)
     with np.errstate(divide="ignore"):
         log_p = state.log_p + np.log(counts / state.size)

@@ -50,19 +50,31 @@ def first_interim(rel_error: float | None, limit: int, batch_size: int) -> int:
 
 
 def left_out(n: int, interim_at: int, trial: int) -> int:
-    """How many rollouts at the beginning are left out of the estimate after n: the trial, once what follows it is
-    complete; before that all of them count, for the unfinished estimate."""
+    """How many rollouts at the beginning are left out of the estimate after n.
+
+    It is the trial, once what follows is complete; before that all of them count, for the unfinished estimate.
+    """
     return trial if n >= interim_at and n > trial else 0
 
 
 def spending(interim_looks: int, done: bool) -> float:
-    """Share of 1 - confidence of the interim look that an estimate is shown at, so many having been made, this one
-    among them if done."""
+    """Share of 1 - confidence of the interim look that an estimate is shown at.
+
+    interim_looks: made so far, this one among them if done
+    done: whether the run is over
+    """
     return SPENDING[min(interim_looks - (1 if done else 0), len(SPENDING) - 1)]
 
 
 def next_interim(est: Estimate, n: int, limit: int, trial: int, interim_looks: int) -> Plan:
-    """The plan after an interim look at n rollouts, trial included, of at most `limit`; est: of those that count."""
+    """The plan after an interim look.
+
+    est: of the rollouts that count
+    n: rollouts so far, trial included
+    limit: rollouts at most
+    trial: of the last plan
+    interim_looks: of the last plan
+    """
     made = interim_looks + (1 if trial else 0)
     if est.rel_error is None or n >= limit or (trial and est.converged):
         return Plan(n, trial, made, True)

@@ -32,7 +32,7 @@ def checked_seed(seed: int) -> int:
 
 
 def generator(seed: int, kind: int, phase: str, iteration: int, chunk: int) -> np.random.Generator:
-    """The random numbers of one chunk; kind: a word that keeps streams of different use apart."""
+    """The random numbers of one chunk of a stream, kept apart from streams of other use by the word `kind`."""
     counter = np.array([0, chunk, iteration, PHASES[phase]], dtype=np.uint64)
     key = np.array([seed, kind], dtype=np.uint64)
     return np.random.Generator(np.random.Philox(counter=counter, key=key))
