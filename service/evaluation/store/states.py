@@ -51,15 +51,17 @@ class StateRecord:
     def __init__(self, engine: sa.Engine):
         self._engine = engine
 
-    def keep(self, last: LastState) -> None:
-        """Keep a state in place of the one that is there; one that is sound and of the same record stays."""
+    def keep(self, last: LastState, unreadable: bytes | None = None) -> None:
+        """Keep a state in place of the one that is there; one that is sound and of the same record stays, unless it is
+        the one that this tailroad cannot read."""
         row = msgspec.structs.asdict(last) | {
             "tailroad": version("tailroad"),
             "checksum": last.checksum(),
             "at": datetime.now(UTC).isoformat(timespec="milliseconds"),
         }
         there = self.kept(last.job, last.epoch)
-        if there is not None and there.sound and there.last.record == last.record:
+        same = there is not None and there.sound and there.last.record == last.record
+        if there is not None and same and there.last.state != unreadable:
             return
         try:
             with writing(self._engine) as connection:

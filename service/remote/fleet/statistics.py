@@ -190,6 +190,7 @@ class Statistics:
         record = self._store.chunks.digest(job)
         kept = self._store.states.kept(job, mark.epoch)
         wrong = self._wrong(kept, mark, record) if kept is not None else ""
+        unreadable = None
         if kept is not None and not wrong:
             try:
                 state = problem.algorithm.from_bytes(kept.last.state)
@@ -197,9 +198,9 @@ class Statistics:
                     BatchStep(kept.last.number, state, None), mark.epoch, mark.status == "done", mark
                 )
             except StateError as error:
-                wrong = str(error)
+                wrong, unreadable = str(error), kept.last.state
         read = self._replayed(problem, job, mark)
-        self._write_down(problem, job, mark.epoch, record, read.step)
+        self._write_down(problem, job, mark.epoch, record, read.step, unreadable)
         if kept is not None:
             _log_healed(job, kept, wrong, read.step.number, problem.algorithm.to_bytes(read.step.state))
         return read
@@ -215,12 +216,20 @@ class Statistics:
             return f"it is of {kept.last.number} batches, and the job has {batches}"
         return ""
 
-    def _write_down(self, problem: Problem, job: str, epoch: int, record: str, step: BatchStep) -> None:
+    def _write_down(
+        self,
+        problem: Problem,
+        job: str,
+        epoch: int,
+        record: str,
+        step: BatchStep,
+        unreadable: bytes | None = None,
+    ) -> None:
         data = problem.algorithm.to_bytes(step.state)
         if len(data) > MOST_BYTES:
             return
         try:
-            self._store.states.keep(LastState(job, epoch, step.number, record, data))
+            self._store.states.keep(LastState(job, epoch, step.number, record, data), unreadable)
         except StoreError as error:
             log.warning("job %s: %s; its record will be replayed", job, error)
 

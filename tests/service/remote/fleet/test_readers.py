@@ -8,6 +8,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import msgspec
 import pytest
 
 from service.evaluation.job import Problem, make_job
@@ -129,6 +130,19 @@ def test_a_kept_state_that_does_not_match_the_record_is_never_used(
     with caplog.at_level(logging.WARNING), light_fleet(tmp_path, POLICY) as fleet:
         assert fleet.fleet.estimate(name) == told
     assert said in caplog.text
+
+
+def test_a_kept_state_of_an_earlier_format_is_made_again_to_the_same_bits(tmp_path, make_scenario, caplog):
+    name, told = done_job(tmp_path, make_scenario)
+    with JobStore(f"sqlite:///{tmp_path / 'fleet.sqlite'}") as store:
+        last = store.states.kept(name, 0).last
+        earlier = msgspec.msgpack.encode(msgspec.msgpack.decode(last.state) | {"format": 3})
+        store.states.keep(LastState(name, 0, last.number, last.record, earlier), unreadable=last.state)
+    with caplog.at_level(logging.WARNING), light_fleet(tmp_path, POLICY) as fleet:
+        assert fleet.fleet.estimate(name) == told
+        fleet.hub._healing.join(LIMIT_S)
+        assert fleet.store.states.kept(name, 0).last.state == last.state
+    assert "the state has format 3, this version reads" in caplog.text
 
 
 def test_a_kept_state_of_which_a_bit_was_flipped_is_never_used(tmp_path, make_scenario):
