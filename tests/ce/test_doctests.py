@@ -38,6 +38,8 @@ def test_examples_give_what_they_say(name: str):
     assert doctest.testmod(importlib.import_module(name)).failed == 0
 
 
-@pytest.mark.parametrize("name", [*ESTIMATING, *FAMILIES, *OTHERS, "worst_case"])
+@pytest.mark.parametrize(
+    "name", [*ESTIMATING, *FAMILIES, *OTHERS, "worst_case", "TruncatedLogNormal", "TwoNormals"]
+)
 def test_what_one_calls_has_an_example(name: str):
     assert ">>> " in (inspect.getdoc(getattr(ce, name)) or "")
