@@ -10,14 +10,26 @@
     run.to_polars()
 
 estimate      ask, run and answer; resume goes on with a run that was interrupted
+compare       egos on the same draws, or runs that there are already
 Run, Replay   what it gives
 """
 
-from service.analysis.run import Estimated, Interrupted, Progress, Replay, Run, estimate, resume
+from service.analysis.run import (
+    Compared,
+    Estimated,
+    Interrupted,
+    Progress,
+    Replay,
+    Run,
+    compare,
+    estimate,
+    resume,
+)
 from service.errors import TailroadError
 from service.world.scenario import Scenario, load_scenario
 
 __all__ = [
+    "Compared",
     "Estimated",
     "Interrupted",
     "Progress",
@@ -25,6 +37,7 @@ __all__ = [
     "Run",
     "Scenario",
     "TailroadError",
+    "compare",
     "estimate",
     "load_scenario",
     "resume",

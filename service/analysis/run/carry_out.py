@@ -61,10 +61,14 @@ def tell_nobody(progress: Progress) -> None:
     pass
 
 
+def plain(word: str) -> str:
+    """A word that can stand in a file's name."""
+    return "".join(c if c.isalnum() or c in "._-" else "-" for c in word)
+
+
 def new_folder(*words: str) -> Path:
     """A run directory's path for a run that is given none."""
-    plain = ["".join(c if c.isalnum() or c in "._-" else "-" for c in word) for word in words]
-    return RUNS / "-".join([*plain, f"{datetime.now():%Y%m%d-%H%M%S}"])
+    return RUNS / "-".join([*map(plain, words), f"{datetime.now():%Y%m%d-%H%M%S}"])
 
 
 @dataclass

@@ -34,7 +34,7 @@ from service.evaluation.summary import Cost, comparisons, json_ready, summary_of
 class Run:
     """A run directory that has been run to its end.
 
-    path: of the directory; jobs: in it; results: of each as ce gives it, by id; workers: processes that runs again use.
+    path: of the directory; jobs: in it; results, costs: of each by id; workers: processes that runs again use.
     """
 
     def __init__(
@@ -45,8 +45,8 @@ class Run:
         costs: dict[str, Cost],
         workers: int,
     ):
-        self.path, self.jobs, self.results, self.workers = path, tuple(jobs), results, workers
-        self._costs = costs
+        self.path, self.jobs, self.workers = path, tuple(jobs), workers
+        self.results, self.costs = results, costs
 
     def __repr__(self) -> str:
         e = self.estimate
@@ -59,7 +59,7 @@ class Run:
     @cached_property
     def estimates(self) -> dict[str, Estimated]:
         """What each job came to, by id."""
-        return {job.id: estimated(job, self.results[job.id], self._costs[job.id]) for job in self.jobs}
+        return {job.id: estimated(job, self.results[job.id], self.costs[job.id]) for job in self.jobs}
 
     @property
     def estimate(self) -> Estimated:
@@ -74,7 +74,7 @@ class Run:
     def save(self, risks: dict[str, Risk]) -> dict[str, Any]:
         """Write result.json into the run directory; what it says: one estimate, or several and their comparison."""
         told = [
-            summary_of(job, self.results[job.id], self._costs[job.id])
+            summary_of(job, self.results[job.id], self.costs[job.id])
             | {"risk": json_ready(msgspec.to_builtins(risks.get(job.id)))}
             for job in self.jobs
         ]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from service.analysis.wording import level, one_in, quantity, significant
 
 if TYPE_CHECKING:
+    from service.analysis.comparison.objects import Comparison
     from service.analysis.run.estimated import Estimated
 
 CELL = 'style="text-align:left;padding:2px 12px 2px 0;vertical-align:top"'
@@ -69,3 +70,22 @@ def interval(estimate: "Estimated") -> str:
     """The interval of p."""
     low, high = estimate.ci
     return f"{significant(low)} to {significant(high)}"
+
+
+def comparison_html(found: "Comparison") -> str:
+    """Runs beside each other, and what each pair comes to."""
+    sides = found.sides
+    rows = [
+        ("scenario, ego", [escape(f"{s.scenario}, {s.ego}") for s in sides]),
+        ("method, rollouts", [escape(f"{s.method}, {s.rollouts:,}") for s in sides]),
+        ("p", [significant(s.p) for s in sides]),
+        (f"{level(found.confidence)} interval", [" to ".join(map(significant, s.ci)) for s in sides]),
+    ]
+    event = escape(quantity(found.gamma, found.unit))
+    told = "".join(f"<p>{escape(pair.summary)}</p>" for pair in found.pairs)
+    notes = "".join(f"<li>{escape(note)}</li>" for note in found.notes)
+    return (
+        f"<div><p>p of f ≤ {event}</p>{table([s.name for s in sides], rows)}{told}"
+        + (f"<ul>{notes}</ul>" if notes else "")
+        + "</div>"
+    )

@@ -106,9 +106,9 @@ def _results(
         with Client(connect, zenoh_config) as client:
             yield wait_for_all(client, planned, submit_all(client, batch.name, planned), limit)
     else:
-        from service.front.matrix.local import jobs_of, run_locally
+        from service.front.matrix.local import jobs_of_cells, run_locally
 
-        yield run_locally(planned, jobs_of(planned), folder / "cells", workers or core_count(), limit)
+        yield run_locally(planned, jobs_of_cells(planned), folder / "cells", workers or core_count(), limit)
 
 
 def _shown(results: Iterable[Result], planned: list[Cell]) -> Iterator[Result]:

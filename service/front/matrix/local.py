@@ -3,26 +3,27 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from service.errors import ScenarioError, StoreError, TailroadError
-from service.evaluation.campaign import Watcher, run_job
-from service.evaluation.job import Job, make_job
-from service.evaluation.store import Chunk, RunDirectory
-from service.evaluation.summary import Cost, summary_of
+import msgspec
+
+from service.analysis.run import carry_out, jobs_of
+from service.errors import ScenarioError, TailroadError
+from service.evaluation.job import Job
+from service.evaluation.options import COMMON
 from service.front.matrix.plan import Cell
 from service.front.matrix.verdict import Result, result_of
-from service.world.scenario import Scenario, load_scenario
-from service.world.scenario.check import check_road
-
-MAX_FAILED = 0.1  # share of failed rollouts at which a cell is given up
 
 
-def jobs_of(cells: Sequence[Cell]) -> list[Job]:
+def jobs_of_cells(cells: Sequence[Cell]) -> list[Job]:
     """The cells as jobs, all checked before one is run."""
-    scenarios: dict[str, Scenario] = {}
-    for name in dict.fromkeys(cell.scenario for cell in cells):
-        scenarios[name] = load_scenario(name)
-        check_road(scenarios[name], name)
-    return [make_job(scenarios[c.scenario], c.ego, c.gamma, c.method, c.seed, c.options) for c in cells]
+    return [job for cell in cells for job in _job_of(cell)]
+
+
+def _job_of(cell: Cell) -> tuple[Job, ...]:
+    common = {name: cell.options[name] for name in COMMON}
+    own = {name: value for name, value in cell.options.items() if name not in COMMON}
+    return jobs_of(
+        cell.scenario, cell.ego, cell.gamma, cell.method, seed=cell.seed, options=own, meet=False, **common
+    )
 
 
 def run_locally(
@@ -32,23 +33,9 @@ def run_locally(
     for cell, job in zip(cells, jobs, strict=True):
         path = folder / cell.folder
         try:
-            yield result_of(cell, str(path), "done", "", _run(job, path, workers), limit)
+            run = carry_out(path, [job], workers)
+            yield result_of(cell, str(path), "done", "", msgspec.to_builtins(run.estimate), limit)
         except ScenarioError:
             raise
         except TailroadError as error:
             yield result_of(cell, str(path), "failed", str(error), None, limit)
-
-
-def _run(job: Job, path: Path, workers: int) -> dict:
-    cost = Cost(workers)
-
-    def on_chunk(chunk: Chunk, replayed: bool) -> None:
-        cost.add(chunk.worker_s, float(chunk.steps.sum()) * job.scenario.time.step_s)
-
-    store = RunDirectory.open(path) if (path / "run.json").exists() else RunDirectory.create(path, (job,))
-    with store:
-        if store.jobs != (job,):
-            raise StoreError(
-                f"{path} holds a run of another job or of another version of tailroad; give another --out"
-            )
-        return summary_of(job, run_job(store, job, workers, Watcher(on_chunk=on_chunk), MAX_FAILED), cost)

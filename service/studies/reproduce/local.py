@@ -1,17 +1,17 @@
 """Carries out a plan on local workers, from wherever it stands: what is finished is read, what was begun goes on."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import ce
-from service.errors import StoreError
+from service.analysis.run import Progress
+from service.analysis.run import carry_out as carry_out_jobs
 from service.evaluation.batches import RecordedBatches
-from service.evaluation.campaign import LazyPool, Watcher, run_job
+from service.evaluation.campaign import LazyPool
 from service.evaluation.job import Job, Problem, make_job, without_sumo
 from service.evaluation.pool import OpenWorld, in_sumo
-from service.evaluation.store import Chunk, RunDirectory
+from service.evaluation.store import Chunk
 from service.studies.reproduce import results
 from service.studies.reproduce.plans import Plan, Run, Truth
 from service.studies.reproduce.results import Result, result_of
@@ -20,6 +20,7 @@ from service.world.scenario import load_scenario
 from service.world.scenario.noise_mode import with_noise_mode
 from service.world.sim.without_sumo import can_leave_out_sumo
 
+NEVER_GIVE_UP = 1.0  # share of failed rollouts
 RESULT = "reproduced.json"  # in a run's directory, once it is finished
 
 
@@ -91,36 +92,18 @@ def finish_run(
     if done is not None and tuple(r.gamma for r in done.readings) == gammas:
         watch.on_rollouts(run.budget)
         return done
-    with _opened(folder, job) as store:
-        cost = {"worker_s": 0.0, "sim_s": 0.0}
-        began = time.perf_counter()
-        reported = 0
+    run_so_far = 0
 
-        def on_chunk(chunk: Chunk, replayed: bool) -> None:
-            nonlocal reported
-            cost["worker_s"] += chunk.worker_s
-            cost["sim_s"] += float(chunk.steps.sum()) * job.scenario.time.step_s
-            reported += chunk.stop - chunk.start
-            watch.on_rollouts(chunk.stop - chunk.start)
+    def on_progress(progress: Progress) -> None:
+        nonlocal run_so_far
+        run_so_far = progress.rollouts
+        watch.on_rollouts(progress.more)
 
-        open_world = in_sumo if sumo else without_sumo
-        estimate = run_job(store, job, workers, Watcher(on_chunk=on_chunk), open_world=open_world)
-        watch.on_rollouts(run.budget - reported)  # where the method needed fewer
-    cost["wall_s"] = time.perf_counter() - began
-    result = result_of(run, estimate, gammas, cost, job.tailroad)
+    world = in_sumo if sumo else without_sumo
+    finished = carry_out_jobs(folder, [job], workers, on_progress, NEVER_GIVE_UP, world)
+    watch.on_rollouts(run.budget - run_so_far)  # where the method needed fewer
+    cost = finished.costs[job.id]
+    spent = {"worker_s": cost.worker_s, "sim_s": cost.sim_s, "wall_s": cost.wall_s}
+    result = result_of(run, finished.results[job.id], gammas, spent, job.tailroad)
     results.save(folder / RESULT, result)
     return result
-
-
-def _opened(folder: Path, job: Job) -> RunDirectory:
-    """The run's directory, new or from before; StoreError where it belongs to another job."""
-    if not (folder / "run.json").exists():
-        return RunDirectory.create(folder, (job,))
-    store = RunDirectory.open(folder)
-    if store.jobs != (job,):
-        store.close()
-        raise StoreError(
-            f"{folder} was begun with another version of the scenario, the drivers or tailroad; remove it, or give "
-            "another --out"
-        )
-    return store
