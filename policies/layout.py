@@ -11,9 +11,8 @@ WIDTH_M = 4
 LANE_CURVATURE_PER_M = 5  # positive where the lane turns left
 LEFT_MARKING_M = 6  # from the vehicle's centre to its lane's left marking, >= 0 inside the lane
 RIGHT_MARKING_M = 7
-LANE_TO_THE_LEFT = (
-    8  # flags, 0 or 1: a lane open to everybody lies beyond the left marking, here and for LANE_AHEAD_M
-)
+# flags, 0 or 1: a lane open to everybody lies beyond the left marking, here and for LANE_AHEAD_M
+LANE_TO_THE_LEFT = 8
 LANE_TO_THE_RIGHT = 9
 INCIDENT = 10  # collision, off the road, or reversing
 RANGE_M = 11  # the first of BEAMS ranges from the vehicle's centre; LIDAR_RANGE_M where nothing is hit

@@ -22,9 +22,8 @@ from sumo_nets.projection import PROJ, to_utm
 
 LANE_WIDTH_M = 3.66  # 12 ft, the CAD lines' spacing is 3.65 m
 LANES = 6
-SPEED_MPS = (
-    24.59  # 55 mph, OpenStreetMap maxspeed of all ways used, the ramps too; the HOV lane has no other limit
-)
+# 55 mph, OpenStreetMap maxspeed of all ways used, the ramps too; the HOV lane has no other limit
+SPEED_MPS = 24.59
 NET_OFFSET = (-561500.0, -4187500.0)  # added to UTM 10N metres
 LENGTH_M = 2051.0  # the corridor of whole metres read from the built net has 2050 m
 SMOOTHING_M = 150.0  # undulations of the drawn lines shorter than this are taken out

@@ -16,9 +16,8 @@ import numpy as np
 from sumo_nets.curves import Curve
 
 EDGE_M = 42.0  # the mainline's edges are no longer than this
-CHORD_M = (
-    21.0  # vertex spacing: ripples of this length are taken out when the lanes are read (chain.SMOOTHING_M)
-)
+# vertex spacing: ripples of this length are taken out when the lanes are read (chain.SMOOTHING_M)
+CHORD_M = 21.0
 HOV_ALLOW = "hov bus coach motorcycle emergency authority army vip"
 GENERAL_DISALLOW = "tram rail_urban rail rail_electric rail_fast ship cable_car subway bicycle pedestrian"
 

@@ -179,9 +179,8 @@ def _smarts(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
             pl.col("position_x").alias("x_m"),
             pl.col("position_y").alias("y_m"),
             pl.col("lane_id").alias("lane"),
-            (pl.col("heading_rad") - 1.5 * math.pi).alias(
-                "heading_rad"
-            ),  # their 0 is +y, the road goes to +x
+            # their 0 is +y, the road goes to +x
+            (pl.col("heading_rad") - 1.5 * math.pi).alias("heading_rad"),
             pl.col("speed").alias("speed_mps"),
             pl.col("length").alias("length_m"),
             pl.col("width").alias("width_m"),

@@ -19,9 +19,8 @@ DT_S = 0.1  # NGSIM records at 10 Hz
 
 # 0.3 Hz gives accelerations an s.d. of 0.7 m/s^2 on I-80; tables reconstructed by others have 0.5 to 0.7 (0.6 Hz: 1.3).
 LONGITUDINAL_CUTOFF_HZ = 0.3
-LATERAL_CUTOFF_HZ = (
-    0.2  # lane changes take 4 to 8 s; faster lateral motion in the recordings is tracking noise
-)
+# lane changes take 4 to 8 s; faster lateral motion in the recordings is tracking noise
+LATERAL_CUTOFF_HZ = 0.2
 MIN_LENGTH = 8  # samples; shorter pieces cannot be smoothed and are dropped
 
 

@@ -9,10 +9,11 @@ from scipy.stats import wasserstein_distance
 from policies.realism.measures import Values
 
 BINS = 40
+# quantiles of the data between which bins lie; what is outside falls into the outer bins
 ENDS = (
     0.002,
     0.998,
-)  # quantiles of the data between which bins lie; what is outside falls into the outer bins
+)
 RESAMPLES = 200
 
 

@@ -90,10 +90,8 @@ def told_apart(jobs: Sequence[Job]) -> tuple[Job, ...]:
     return tuple(found)
 
 
-PER_ROW, PER_ROLLOUT = (
-    40,
-    24,
-)  # bytes beside x: noise, hash, f of the batch; f, log weight, replication of the estimate
+PER_ROW = 40  # bytes beside x of a row of the batch: noise seed, hash, f
+PER_ROLLOUT = 24  # bytes of a rollout of the estimate: f, log weight, replication
 
 
 def held_bytes(job: Job) -> int:

@@ -141,9 +141,8 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
         f = recorded(batch)
         if batch.explicit:
             explicit_batches.add((batch.phase, batch.iteration))
-            kept_rows = np.isnan(f) | (
-                f <= threshold
-            )  # a method that moves chains calls all its batches training
+            # a method that moves chains calls all its batches training
+            kept_rows = np.isnan(f) | (f <= threshold)
             for i in np.flatnonzero(kept_rows).tolist():
                 explicit[batch.phase, batch.iteration, batch.start + i] = (
                     batch.x[i].copy(),

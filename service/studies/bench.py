@@ -159,9 +159,8 @@ def scaling(scenario: Scenario, ego: str, rollouts: int, counts: list[int]) -> l
         size = 50
         chunks = [Work(i, x[i : i + size], noise_seeds[i : i + size]) for i in range(0, len(x), size)]
         with LocalPool(job, workers) as pool:
-            for _ in pool.run(
-                [Work(0, x[:10], noise_seeds[:10])] * (4 * workers)
-            ):  # all workers up and compiled
+            # all workers up and compiled
+            for _ in pool.run([Work(0, x[:10], noise_seeds[:10])] * (4 * workers)):
                 pass
             began = time.perf_counter()
             for _ in pool.run(chunks):

@@ -188,9 +188,8 @@ def read(path: Path, any_version: bool = False) -> Runs:
             try:
                 versions[method] = version(method)
             except (ImportError, KeyError):
-                versions[method] = (
-                    None  # not to be judged here: a peer that is not installed, a method that is gone
-                )
+                # not to be judged here: a peer that is not installed, a method that is gone
+                versions[method] = None
         if any_version or versions[method] in (None, record.get("version")):
             done[record["problem"], method, record["budget"]].append(record)
     return done

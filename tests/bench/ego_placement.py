@@ -136,9 +136,8 @@ def compare(scenario: str, ego: str, rollouts: int, rounds: int, counts: list[in
                     job = make_job(loaded, f"zenoh:{ego}" if way.service else ego, 0.0, "naive", 1, {})
                     made[name] = pools.enter_context(LocalPool(job, workers))
                     made[name].warm_up()
-                    for _ in made[name].run(
-                        [Work(0, x[:1], noise_seeds[:1])] * (4 * workers)
-                    ):  # all are started
+                    # all are started
+                    for _ in made[name].run([Work(0, x[:1], noise_seeds[:1])] * (4 * workers)):
                         pass
                 rows.append({"workers": workers, **_measure(made, x, noise_seeds, rounds)})
     return rows

@@ -58,6 +58,5 @@ def test_runs_of_an_earlier_version_are_taken_over_only_where_they_are_the_same(
         assert json.loads(path.read_text()) == record | {"version": version}
     path.write_text("".join(json.dumps(record) + "\n" for record in (right | {"p": 0.5}, right)))
     ce_calibration.renewed(path, ["naive"], lambda _: None)
-    assert [json.loads(line)["p"] for line in path.read_text().splitlines()] == [
-        right["p"]
-    ]  # the later of two
+    # the later of two
+    assert [json.loads(line)["p"] for line in path.read_text().splitlines()] == [right["p"]]

@@ -107,9 +107,8 @@ def test_a_job_from_submission_to_estimate_over_http(web, client):  # noqa: F811
     assert (estimate["p"], *estimate["ci"]) == pytest.approx((same.p, *same.ci), rel=1e-15)
     status, raw = web.ask("GET", f"jobs/{job['id']}/estimate?gamma=0.4;confidence=0.9;_raw=true")
     assert status == 200
-    assert (
-        msgspec.json.decode(raw, type=Estimate) == same
-    )  # to the bit; the plugin's list may round the last one
+    # to the bit; the plugin's list may round the last one
+    assert msgspec.json.decode(raw, type=Estimate) == same
     assert job["id"] in {j["id"] for j in web.get("jobs?limit=1000")["items"]}
 
 

@@ -152,9 +152,8 @@ def test_nobody_answers_in_the_scheduler_s_place(scheduler, session_of, role):
     intruder, client = session_of(role), session_of("client")
     heard = []
     intruder.declare_queryable("tailroad/v1/jobs/**", lambda query: heard.append(query))
-    assert answers(intruder, WORK if role == "worker" else "tailroad/v1/egos") == [
-        b"granted"
-    ]  # all has arrived
+    # all has arrived
+    assert answers(intruder, WORK if role == "worker" else "tailroad/v1/egos") == [b"granted"]
     assert answers(client, JOB) == [b"granted"]
     assert heard == []
 

@@ -24,9 +24,8 @@ from tests.fuzz.target import Target
 from tests.fuzz.targets import OPEN_BYTES, Targets
 
 ROUND = 500
-AT_ONCE = (
-    5  # payloads of an example: hypothesis takes longer for an example than most payloads for themselves
-)
+# payloads of an example: hypothesis takes longer for an example than most payloads for themselves
+AT_ONCE = 5
 MOST_GROWTH_MB = 64.0
 MOST_PEAK_MB = 3 * OPEN_BYTES / 2**20 + MOST_GROWTH_MB
 PAGE = os.sysconf("SC_PAGE_SIZE")

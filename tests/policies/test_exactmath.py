@@ -168,6 +168,7 @@ def facts(kernel):
 print(json.dumps({name: facts(k) for name, k in
       {"observe": step.observe, "advance_all": step.advance_all, "fused": fused, "called": called}.items()}))
 """
+# no rounding to differ in
 EXACT_EVERYWHERE = {
     "floor",
     "frexp",
@@ -175,7 +176,7 @@ EXACT_EVERYWHERE = {
     "numba_frexp",
     "numba_ldexp",
     "fmod",
-}  # no rounding to differ in
+}
 NUMBA_RUNTIME = (
     "numba_unpickle",
     "numba_do_raise",

@@ -9,9 +9,8 @@ neither: the two go by each other closely. The thresholds are quantities of traf
 from service.analysis.failures.motion import Motion
 
 HARD_BRAKE_MPS2 = 3.0  # deceleration that counts as hard braking, as in the drivers' realism figures
-SIDES_MEET_S = (
-    1.5  # a conflict across the road: at the present lateral speeds the sides meet within this time
-)
+# a conflict across the road: at the present lateral speeds the sides meet within this time
+SIDES_MEET_S = 1.5
 NEAR_M = 15.0  # vehicles in different lanes further apart than this along the road do not pass closely
 
 NAMES = {

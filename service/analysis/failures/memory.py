@@ -48,9 +48,8 @@ class Memory:
         ).hexdigest()
         self._seen: dict[Key, _Seen] = {}
         if self._path is not None:
-            with contextlib.suppress(
-                OSError, msgspec.MsgspecError, ValueError, RecursionError
-            ):  # a damaged file is as good as none
+            # a damaged file is as good as none
+            with contextlib.suppress(OSError, msgspec.MsgspecError, ValueError, RecursionError):
                 file = msgspec.msgpack.decode(self._path.read_bytes(), type=_File)
                 if file.key == self._key:
                     self._seen = {(s.iteration, s.row): s for s in file.seen}

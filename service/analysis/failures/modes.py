@@ -48,9 +48,8 @@ def modes_of(motions: Sequence[Motion]) -> list[str]:
         return []
     kinds = [kind_of(motion) for motion in motions]
     points = features(motions)
-    order = np.lexsort(
-        points.T[::-1]
-    )  # linkage breaks ties by position; equal points are the same thing anyway
+    # linkage breaks ties by position; equal points are the same thing anyway
+    order = np.lexsort(points.T[::-1])
     modes = [""] * len(motions)
     unnamed = 0
     for members in _groups(points[order], [kinds[i] for i in order]):

@@ -16,9 +16,8 @@ from service.world.safety.ttc import ego_time_to_collision
 from service.world.sensors.lidar import beam_directions
 from sumo_nets.corridor import Corridor
 
-WINDOW_S = (
-    3.0  # motion before the moment that is looked at: a lane change takes 3 to 6 s (Toledo and Zohar 2007)
-)
+# motion before the moment that is looked at: a lane change takes 3 to 6 s (Toledo and Zohar 2007)
+WINDOW_S = 3.0
 ALONGSIDE_M = 3.0  # a vehicle this close behind or ahead of the ego's box still blocks the lane beside it
 
 

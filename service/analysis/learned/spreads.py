@@ -34,9 +34,8 @@ def sample_spread(values: np.ndarray, weights: np.ndarray) -> Spread:
     mean = float(w @ values)
     sd = math.sqrt(max(float(w @ (values - mean) ** 2), 0.0))
     order = np.argsort(values, kind="stable")
-    total = (
-        np.cumsum(w[order]) - 0.5 * w[order]
-    )  # mid-points, so that the median of equal weights is the median
+    # mid-points, so that the median of equal weights is the median
+    total = np.cumsum(w[order]) - 0.5 * w[order]
     return _spread(mean, sd, np.interp(LEVELS, total, values[order]))
 
 

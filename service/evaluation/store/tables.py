@@ -106,9 +106,8 @@ states = sa.Table(
     _key("epoch", sa.Integer),
     _key("tailroad"),  # the version that wrote it: another one may come to another state
     sa.Column("number", sa.Integer, nullable=False),  # of batches taken in
-    sa.Column(
-        "state", sa.LargeBinary, nullable=False
-    ),  # of the algorithm after them, as its to_bytes writes it
+    # of the algorithm after them, as its to_bytes writes it
+    sa.Column("state", sa.LargeBinary, nullable=False),
     sa.Column("at", sa.Text, nullable=False),
     sa.Column("record", sa.Text, nullable=False, server_default=""),  # digest of the chunks it follows from
     sa.Column("checksum", sa.Text, nullable=False, server_default=""),  # of all the row says

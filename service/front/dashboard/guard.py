@@ -25,10 +25,11 @@ HEADERS = {
     "cross-origin-resource-policy": "same-origin",
 }
 LOCAL_NAMES = ("localhost",)
+# Sec-Fetch-Site of a page's own requests, and of an address that somebody typed
 SAME = (
     "same-origin",
     "none",
-)  # Sec-Fetch-Site of a page's own requests, and of an address that somebody typed
+)
 
 
 class Guard:

@@ -55,9 +55,8 @@ class Application:
         self.limits = limits
         self._seen = seen
         self._background = Background(limits.wait_s)
-        self._replays = Background(
-            limits.wait_s, most=limits.pending
-        )  # records read again: not behind the long ones
+        # records read again: not behind the long ones
+        self._replays = Background(limits.wait_s, most=limits.pending)
         self._state = StateAnswers(fleet, catalogue)
         jobs, results = JobAnswers(fleet, catalogue, limits), ResultAnswers(fleet, self._replays)
         records = Records(fleet)

@@ -16,9 +16,8 @@ from service.remote.api.requests import Nothing, Page, Submission
 from service.remote.fleet.service import Fleet, JobView
 
 COMMON = ("budget", "rel_error", "confidence")  # options that have a place of their own in a submission
-OF_THE_BUDGET = (
-    "estimation_rollouts",
-)  # that may be as large as it; other whole numbers are sizes of batches
+# that may be as large as it; other whole numbers are sizes of batches
+OF_THE_BUDGET = ("estimation_rollouts",)
 
 
 class JobAnswers:

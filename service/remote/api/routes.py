@@ -16,6 +16,7 @@ from service.remote.api import requests as R
 from service.remote.api.problems import ApiError, Wrong, short
 
 PREFIX = "tailroad/v1"
+# first parts of the keys
 TOPS = (
     "about",
     "health",
@@ -26,7 +27,7 @@ TOPS = (
     "tally",
     "jobs",
     "comparison",
-)  # first parts of the keys
+)
 
 
 @dataclass(frozen=True)

@@ -42,9 +42,8 @@ def ratio_picture(outcome: Outcome, key: str) -> Picture:
             if not there.any():
                 continue
             colour, dashed = COLOURS[i % len(COLOURS)], "-" if i < len(COLOURS) // 2 else "--"
-            at = gammas[order][there] * (
-                1.0 + 0.004 * (i - 3)
-            )  # beside each other, so that the bars can be told apart
+            # beside each other, so that the bars can be told apart
+            at = gammas[order][there] * (1.0 + 0.004 * (i - 3))
             axes.errorbar(at, value[there], [value[there] - low[there], high[there] - value[there]], color=colour,
                           linestyle=dashed, marker="o", markersize=3.5, elinewidth=0.8, label=name)  # fmt: skip
             known += [*low[there], *high[there]]

@@ -113,9 +113,8 @@ class _Fleet:
             now, _, happen = heapq.heappop(self._heap)
             happen(now)
         span, mean_s = self._done_at, float(self._rollout_s.mean())
-        rollouts = (
-            self._algorithm.total_rollouts
-        )  # audits and copies are not among them: they are what they cost
+        # audits and copies are not among them: they are what they cost
+        rollouts = self._algorithm.total_rollouts
         return FleetTiming(
             workers=self._workers,
             rollouts=rollouts,
@@ -226,9 +225,8 @@ class _Fleet:
     def _answer(self, now: float, name: str, lease: Lease, own_s: float) -> None:
         key = lease.chunk
         n = key.stop - key.start
-        f = (
-            1.0 + np.arange(key.start, key.stop) % 1000 / 1000.0
-        )  # the same whoever answers: chunks are audited
+        # the same whoever answers: chunks are audited
+        f = 1.0 + np.arange(key.start, key.stop) % 1000 / 1000.0
         chunk = Chunk(key.start, key.stop, f, np.zeros(n, np.uint8), np.full(n, 100, np.int32), {}, own_s)
 
         def noted(t: float, reply: Any) -> None:

@@ -20,9 +20,8 @@ from service.studies.reproduce.ratios import (
 from service.studies.reproduce.results import Reading, Result
 
 FAR = 2.0  # standard errors
-LEAST_EFFECTIVE = (
-    10.0  # events of equal weight that an estimate must be worth for its own variance to be compared
-)
+# events of equal weight that an estimate must be worth for its own variance to be compared
+LEAST_EFFECTIVE = 10.0
 
 LEAST_KNOWN = 10  # events of the ground truth, below which runs are held against their own mean
 UNBIASED = ("splitting", "naive")

@@ -20,9 +20,8 @@ from service.world.egos import ego_pb2 as pb
 VERSION = 1
 MAX_REPLY_BYTES = 64 * 1024  # an action takes some 60 bytes
 MAX_REASON = 500  # characters of a service's own reason that are recorded
-MAX_ACCELERATION_MPS2 = (
-    50.0  # beyond these an answer is a mistake (of a unit, of a sign bit), not a wish to be clipped
-)
+# beyond these an answer is a mistake (of a unit, of a sign bit), not a wish to be clipped
+MAX_ACCELERATION_MPS2 = 50.0
 MAX_TURN_RATE_RADPS = 10.0
 MAX_STEERING_RAD = 1.2
 WHEELBASE_SHARE = 0.6  # of a car's length: 2.7 m of 4.5 m

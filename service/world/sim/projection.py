@@ -53,9 +53,8 @@ def locate(agent: np.ndarray, reference: np.ndarray, lanes: np.ndarray, spacing_
     k = int(agent[A.STATION])
     along = 0.0
     offset = 0.0
-    way = (
-        0  # it never turns back: on a bend two neighbours can each point at the other for points between them
-    )
+    # it never turns back: on a bend two neighbours can each point at the other for points between them
+    way = 0
     for _ in range(last + 1):
         row = reference[k]
         dx = agent[A.X_M] - row[REF_X]

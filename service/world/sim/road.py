@@ -21,9 +21,8 @@ class Road(NamedTuple):
     """The geometry of a corridor, ready for the kernels."""
 
     reference: np.ndarray  # (stations, 8): columns of service.world.sim.projection
-    lanes: (
-        np.ndarray
-    )  # (stations, lanes, 3): left and right boundary offsets (m), NaN where a lane is absent; reserved
+    # (stations, lanes, 3): left and right boundary offsets (m), NaN where a lane is absent; reserved
+    lanes: np.ndarray
     spacing_m: float  # between stations
 
     @property

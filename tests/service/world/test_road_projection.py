@@ -90,9 +90,8 @@ def test_a_vehicle_is_found_from_any_remembered_station(i80, road):
 @pytest.mark.parametrize("station", [50.0, 400.5, 900.0, 1100.25, 1500.0, 2000.0])
 def test_the_lane_changes_at_the_marking(i80, road, station):
     for lane in range(5):
-        marking = 0.5 * float(
-            i80.lane_center(lane, station) * 2 - i80.lane_width(lane, station)
-        )  # the right one
+        # the right one
+        marking = 0.5 * float(i80.lane_center(lane, station) * 2 - i80.lane_width(lane, station))
         left, right = (
             at(road, i80, station, marking + CENTIMETRE),
             at(road, i80, station, marking - CENTIMETRE),

@@ -159,9 +159,8 @@ def test_twenty_rays_never_see_more_danger_than_3600(seed):
 @pytest.mark.parametrize("seed", range(40))
 def test_more_rays_come_down_to_the_dense_value(seed):
     agents = traffic(seed)
-    times = [
-        ttc(agents, rays) for rays in (20, 60, 180, 540, 1080, 3240)
-    ]  # each holds the rays of the one before
+    # each holds the rays of the one before
+    times = [ttc(agents, rays) for rays in (20, 60, 180, 540, 1080, 3240)]
     assert all(a >= b * (1.0 - 1e-9) for a, b in pairwise(times))
     assert times[-1] == pytest.approx(dense(agents, 3240), rel=1e-9)
     assert times[-1] == pytest.approx(dense(agents, 36_000), rel=0.02)

@@ -36,6 +36,7 @@ def test_a_rollout_without_sumo_has_the_bits_of_one_with_it(scenario, measure, e
     """With the shipped drivers, of whom some change lanes and some rollouts end in a collision."""
     problem, alone = opened(with_measure(load_scenario(scenario), measure), ego)
     x, noise_seeds = ce.draw(problem.base, 3, "estimate", 0, 0, 40)
+    # a fast ego among slow vehicles
     x[:8, [4 * v + 3 for v in range(6)]] = [
         20.0,
         10.0,
@@ -43,7 +44,7 @@ def test_a_rollout_without_sumo_has_the_bits_of_one_with_it(scenario, measure, e
         10.0,
         20.0,
         10.0,
-    ]  # a fast ego among slow vehicles
+    ]
     x[:8, 10] = np.linspace(-20.0, 20.0, 8)  # degrees: a neighbour that starts across its lane
     with problem.simulator() as simulator:
         pairs = [

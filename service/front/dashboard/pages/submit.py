@@ -30,6 +30,7 @@ WORDS = {
     "label": ("Label", "Words of your own, to find it by."),
     OPTIONS: ("Options of the method", "NAME=VALUE, one a line, as in rho=0.1."),
 }  # fmt: skip
+# the others are settings for those who want them
 FIRST = (
     "label",
     "scenario",
@@ -37,7 +38,7 @@ FIRST = (
     "gamma",
     "method",
     "budget",
-)  # the others are settings for those who want them
+)
 
 
 @dataclass(frozen=True)
@@ -67,9 +68,8 @@ class Form:
     fields: tuple[Field, ...]
     own: str = ""  # text of an own scenario
     own_error: str = ""
-    values: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # as the service takes them, where nothing is wrong
+    # as the service takes them, where nothing is wrong
+    values: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def wrong(self) -> bool:

@@ -9,13 +9,14 @@ from service.studies.reproduce.page import Page, made_by, made_with
 from service.studies.reproduce.peers.timed import SCENARIO, SECONDS, timed
 from service.studies.reproduce.tables import Table, number
 
+# rounds, our rollouts in each
 ROUNDS = {
     "smoke": (1, 10),
     "small": (3, 50),
     "medium": (5, 100),
     "large": (7, 150),
     "paper": (9, 200),
-}  # rounds, our rollouts in each
+}
 
 
 def peers_page(scale: str, out: Path, command: str, tell: Callable[[str], None]) -> Page:

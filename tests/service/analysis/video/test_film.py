@@ -49,9 +49,8 @@ def test_there_is_a_picture_for_each_state_with_road_and_camera_side_by_side(sho
     assert (near(road, EGO) | near(road, DANGER)).any()
     expected = view.pictures(trace, CAMERA_WIDTH, MIDDLE).draw(5)
     assert np.array_equal(camera, expected)
-    assert (
-        camera[: MIDDLE // 3].mean() > camera[2 * MIDDLE // 3 :].mean()
-    )  # the sky is brighter than the asphalt
+    # the sky is brighter than the asphalt
+    assert camera[: MIDDLE // 3].mean() > camera[2 * MIDDLE // 3 :].mean()
     assert not np.array_equal(camera, images[0][HEAD : HEAD + MIDDLE, WIDTH - CAMERA_WIDTH :])
 
 

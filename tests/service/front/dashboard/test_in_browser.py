@@ -17,9 +17,8 @@ from tests.service.front.dashboard.conftest import dashboard_of
 from tests.service.remote.api.conftest import LIMITS, Service, open_service
 from tests.service.remote.fleet.light import LightRunner, LightWorker
 
-pytestmark = pytest.mark.timeout(
-    900
-)  # rollouts are run again in processes of their own: long on a busy machine
+# rollouts are run again in processes of their own: long on a busy machine
+pytestmark = pytest.mark.timeout(900)
 
 
 @pytest.fixture(scope="module")

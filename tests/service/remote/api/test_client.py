@@ -38,10 +38,11 @@ def test_a_job_from_submission_to_estimate(service, client: Client) -> None:
     assert curve.points[1].p == estimate.p
     assert client.iterations(job.id).items[-1].number == 0
     assert job.id in {j.id for j in client.all_jobs()}
+    # nothing new: the kept ones, and the end
     assert [e.kind for e in client.watch(job.id)] == [
         "status",
         "status",
-    ]  # nothing new: the kept ones, and the end
+    ]
 
 
 def test_refusals_carry_their_problem(client: Client) -> None:
@@ -162,9 +163,8 @@ def test_a_rollout_is_run_once_more(client: Client) -> None:
     job = client.submit("i80-10s", 0.5, **JOB, seed=13).id
     client.wait(job)
     found = client.rollout(job, 7, trace=True)
-    assert (
-        found.f == formula(np.array([int(found.noise_seed)], np.uint64))[0][0]
-    )  # what the light worker said
+    # what the light worker said
+    assert found.f == formula(np.array([int(found.noise_seed)], np.uint64))[0][0]
     assert not found.same_to_the_bit  # which is not what the simulation says
     assert found.trace is not None
     assert {"time_s", "speed_mps"} <= set(found.trace)

@@ -39,9 +39,8 @@ def test_a_class_is_imported_only_where_the_process_was_told_so(module, make_sce
     with pytest.raises(InputError, match="not one that this process may import"):
         open_ego("my_egos:Careful", make_scenario(), i80, NONE)
     with pytest.raises(InputError, match="not one that this process may import"):
-        make_job(
-            make_scenario(), "my_egos:Careful", 0.5, "naive", 1, {}
-        )  # as a job that came over the network would
+        # as a job that came over the network would
+        make_job(make_scenario(), "my_egos:Careful", 0.5, "naive", 1, {})
     assert not module.exists()
     ego = open_ego(
         "my_egos:Careful", make_scenario(), i80, EgoSettings(python=frozenset({"my_egos:Careful"}))

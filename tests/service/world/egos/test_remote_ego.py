@@ -23,9 +23,8 @@ from service.world.scenario import Scenario
 from service.world.scenario.base import base_distribution
 from service.world.sim.rollout import Rollout, Simulator
 
-PATIENT = (
-    120.0  # on a busy machine a process may take long to start; nobody waits that long for one that is there
-)
+# on a busy machine a process may take long to start; nobody waits that long for one that is there
+PATIENT = 120.0
 
 
 @pytest.fixture

@@ -78,9 +78,8 @@ def test_a_gap_across_of_the_safe_distance_leaves_the_margin_in_the_worst_case(r
 def test_a_follower_s_margin_is_its_gap_less_the_safe_distance(agents_of, rss):
     agents = agents_of(EGO, (60.0, 0.0, 0.0, 20.0))
     assert rss_margin(agents, 2, 0, rss, ALONG) == pytest.approx(60.0 - 4.5 - 65.78125)
-    assert rss_margin(agents, 2, 1, rss, ALONG) == rss_margin(
-        agents, 2, 0, rss, ALONG
-    )  # seen from the other one too
+    # seen from the other one too
+    assert rss_margin(agents, 2, 1, rss, ALONG) == rss_margin(agents, 2, 0, rss, ALONG)
 
 
 def test_a_vehicle_beside_the_ego_is_safe_by_the_margin_across(agents_of, rss):
