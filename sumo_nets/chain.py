@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ STATION_STEP_M = 1.0
 SMOOTHING_M = 40.0  # undulations of a lane's polyline shorter than this are drawing, not road
 
 
-def open_net(path: Path):
+def open_net(path: Path) -> Any:  # a sumolib.net.Net: sumolib comes without types
     """The network file as sumolib's object; NetworkError if it is missing or is not one."""
     if not path.is_file():
         raise NetworkError(f"there is no network file {path}; give a SUMO .net.xml or a built-in name")
@@ -31,7 +32,7 @@ class Chain:
     `lanes[i]` are the lanes of edge i from the left, `first[i]` is the column of the leftmost of them.
     """
 
-    def __init__(self, net, path: Path, edges: tuple[str, ...]):
+    def __init__(self, net: Any, path: Path, edges: tuple[str, ...]):
         if not edges:
             raise EdgesError(f"{path}: a corridor needs at least one edge")
         self.path, self.edges = path, edges
@@ -49,7 +50,7 @@ class Chain:
         self.first = [int(s) for s in shift - shift.min()]  # column of the leftmost lane of each edge
         self.columns = max(f + len(lanes) for f, lanes in zip(self.first, self.lanes, strict=True))
 
-    def _link(self, net, i: int) -> dict[tuple[int, int], np.ndarray]:
+    def _link(self, net: Any, i: int) -> dict[tuple[int, int], np.ndarray]:
         """Connections from edge i to edge i + 1: (position, position) -> points inside the junction."""
         found = {}
         position = [{lane.getID(): p for p, lane in enumerate(self.lanes[j])} for j in (i, i + 1)]
@@ -62,7 +63,7 @@ class Chain:
             raise EdgesError(f"{self.path}: edge {a!r} does not lead to {b!r}; it leads to {followers}")
         return found
 
-    def _inside(self, net, via: str) -> np.ndarray:
+    def _inside(self, net: Any, via: str) -> np.ndarray:
         shapes = []
         while via:
             lane = net.getLane(via)
@@ -72,7 +73,7 @@ class Chain:
         return np.concatenate(shapes) if shapes else np.empty((0, 2))
 
     @staticmethod
-    def _shift(link) -> int:
+    def _shift(link: dict[tuple[int, int], np.ndarray]) -> int:
         """Columns by which edge i + 1 begins to the right (+) of edge i: the connections' vote."""
         shifts = [a - b for a, b in link]
         return max(sorted(set(shifts), key=abs), key=shifts.count)
@@ -104,7 +105,7 @@ class Chain:
             if self.has(i, column) and self.has(i + 1, column) and self.joint(i, column) is None
         ]
 
-    def lane(self, i: int, column: int):
+    def lane(self, i: int, column: int) -> Any:
         """The sumolib lane of edge i in the column."""
         return self.lanes[i][column - self.first[i]]
 

@@ -112,7 +112,10 @@ class Curve:
         across, _, _ = self._local(x, y, station)
         return station, across
 
-    def _local(self, x, y, station):
+    def _local(
+        self, x: np.ndarray, y: np.ndarray, station: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Offsets (m) of points across and along the curve at their stations, and its curvature there (1/m)."""
         cx, cy, heading = self.to_xy(station, 0.0)
         c, s = np.cos(heading), np.sin(heading)
         k = np.clip(np.rint(station / self.step_m).astype(np.int64), 0, len(self.x) - 1)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -39,8 +42,8 @@ def plot(name_or_path: str | Path, out: str | Path, edges: Sequence[str] | None 
     return Path(out)
 
 
-def _surface(net, road: Corridor):
-    """(edge id, lane shape, width, colour) of every lane of the network outside junctions."""
+def _surface(net: Any, road: Corridor) -> Iterator[tuple[np.ndarray, float, str]]:
+    """(points (n, 2), width, colour) of every lane of the network outside junctions."""
     for edge in net.getEdges(withInternal=False):
         lanes = edge.getLanes()
         for lane in lanes:
@@ -57,7 +60,7 @@ def _ribbon(points: np.ndarray, width: float) -> np.ndarray:
     return np.concatenate([points + aside, (points - aside)[::-1]])
 
 
-def _plan(axes, road: Corridor, net, lines: dict[str, np.ndarray]) -> None:
+def _plan(axes: Axes, road: Corridor, net: Any, lines: dict[str, np.ndarray]) -> None:
     for points, width, colour in _surface(net, road):
         axes.fill(*_ribbon(points, width).T, color=colour, lw=0)
     for name, line in lines.items():
@@ -77,7 +80,7 @@ def _plan(axes, road: Corridor, net, lines: dict[str, np.ndarray]) -> None:
     )
 
 
-def _stretched(axes, road: Corridor, net, lines: dict[str, np.ndarray]) -> None:
+def _stretched(axes: Axes, road: Corridor, net: Any, lines: dict[str, np.ndarray]) -> None:
     for points, width, colour in _surface(net, road):
         if colour != RAMP:
             continue
@@ -115,11 +118,13 @@ def _stretched(axes, road: Corridor, net, lines: dict[str, np.ndarray]) -> None:
     axes.set_xlim(0.0, road.length_m)
 
 
-def _legend(axes, with_lines: bool, with_hov: bool) -> None:
+def _legend(axes: Axes, with_lines: bool, with_hov: bool) -> None:
     entries = [(LANE, "through lane"), (AUXILIARY, "auxiliary lane"), (RAMP, "other edge")]
     if with_hov:
         entries.insert(1, (HOV, "HOV lane"))
-    handles = [axes.fill_between([], [], color=colour, label=label) for colour, label in entries]
+    handles: list[Artist] = [
+        axes.fill_between([], [], color=colour, label=label) for colour, label in entries
+    ]
     if with_lines:
         for colour, style, label in (
             (CAD, "-", "CAD centre line"),
@@ -130,7 +135,7 @@ def _legend(axes, with_lines: bool, with_hov: bool) -> None:
     axes.legend(handles=handles, fontsize=7, ncols=7, loc="lower center")
 
 
-def _distances(axes, road: Corridor, lines: dict[str, np.ndarray]) -> None:
+def _distances(axes: Axes, road: Corridor, lines: dict[str, np.ndarray]) -> None:
     """Distance of the surveyed lines from the centres of the lanes that the check compares them with."""
     for c in expected(road.name).comparisons if lines else ():
         s, apart = distance_to_lane(road, lines[c.line], c.lane, c.from_m, c.to_m)
@@ -141,7 +146,7 @@ def _distances(axes, road: Corridor, lines: dict[str, np.ndarray]) -> None:
         axes.annotate("no surveyed lines", (0.5, 0.5), xycoords="axes fraction", ha="center", color="0.5")
 
 
-def _curvature(axes, road: Corridor) -> None:
+def _curvature(axes: Axes, road: Corridor) -> None:
     axes.plot(road.station_m, road.ref_curvature * 1e3, color="0.2", lw=1.0)
     axes.axhline(0.0, color="0.6", lw=0.5)
     axes.set(ylabel="curvature (1/km)", xlabel="station (m)")

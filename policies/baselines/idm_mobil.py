@@ -44,7 +44,9 @@ def following(p: np.ndarray, speed: float, gap: float, closing: float) -> float:
 
 
 @kernel
-def beside(station, lane, present, me: int, in_lane: int) -> tuple[int, int]:
+def beside(
+    station: np.ndarray, lane: np.ndarray, present: np.ndarray, me: int, in_lane: int
+) -> tuple[int, int]:
     """The nearest vehicles ahead and behind of `me` in a lane, -1 for none; arrays (n,), stations in m."""
     lead, lag = -1, -1
     for j in range(station.shape[0]):
@@ -59,7 +61,9 @@ def beside(station, lane, present, me: int, in_lane: int) -> tuple[int, int]:
 
 
 @kernel
-def behind(p, station, speed, length, me: int, lead: int) -> float:
+def behind(
+    p: np.ndarray, station: np.ndarray, speed: np.ndarray, length: np.ndarray, me: int, lead: int
+) -> float:
     """Acceleration of `me` behind `lead` (-1: free road)."""
     if lead < 0:
         return following(p, speed[me], FREE_M, 0.0)
@@ -68,7 +72,10 @@ def behind(p, station, speed, length, me: int, lead: int) -> float:
 
 
 @kernel
-def incentive(p, station, lane, speed, length, present, me: int, to_lane: int) -> tuple[float, float, bool]:
+def incentive(
+    p: np.ndarray, station: np.ndarray, lane: np.ndarray, speed: np.ndarray, length: np.ndarray, present: np.ndarray,
+    me: int, to_lane: int,
+) -> tuple[float, float, bool]:  # fmt: skip
     """Own gain and the followers' gain (m/s^2) of changing to `to_lane`, and whether that is allowed."""
     lead, lag = beside(station, lane, present, me, lane[me])
     new_lead, new_lag = beside(station, lane, present, me, to_lane)
@@ -89,7 +96,7 @@ def incentive(p, station, lane, speed, length, present, me: int, to_lane: int) -
 
 
 @kernel
-def change_rate(p, own: float, others: float, to_the_right: bool) -> float:
+def change_rate(p: np.ndarray, own: float, others: float, to_the_right: bool) -> float:
     """Rate (1) of lane changes, 1/s."""
     threshold = p[THRESHOLD] + (p[BIAS] if to_the_right else 0.0)
     z = (own + p[POLITE] * others - threshold) / p[SOFT]
@@ -97,7 +104,7 @@ def change_rate(p, own: float, others: float, to_the_right: bool) -> float:
 
 
 @kernel
-def steering(p, speed: float, offset: float, heading: float, curvature: float) -> float:
+def steering(p: np.ndarray, speed: float, offset: float, heading: float, curvature: float) -> float:
     """Turn rate (rad/s) towards the centre of the lane that is wanted, `offset` m to its left."""
     v = max(speed, SPEED_FLOOR_MPS)
     sine, _ = sincos(heading)

@@ -8,7 +8,7 @@ lines, odd white space.
 import csv
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import polars as pl
@@ -208,7 +208,9 @@ def _tokens_csv(line: str) -> list[str]:
     return next(csv.reader(io.StringIO(line), strict=True), [])
 
 
-def _slow(path: Path, block: bytes, first_line: int, names: list[str], tokens) -> pl.DataFrame:
+def _slow(
+    path: Path, block: bytes, first_line: int, names: list[str], tokens: Callable[[str], list[str]]
+) -> pl.DataFrame:
     rows: list[list[float | str | None]] = []
     used = [(i, name) for i, name in enumerate(names) if name]
     for offset, raw in enumerate(block.split(b"\n")):

@@ -34,6 +34,9 @@ I80_LANES = "scenes/i80_lanes.json"
 US101_FILE = "scenes/us101_commonroad_merged.parquet"
 US101_LANES = "scenes/us101_lanes.json"
 
+# x, y, heading and curvature of a curve, (n,) each
+Samples = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
 # The last vehicles of each recording are held out, so that train and test drivers differ.
 I80_HELD_OUT_FROM = 2470
 I80_RESERVED = (0,)  # lane 1 is for high-occupancy vehicles
@@ -211,7 +214,7 @@ def read_us101(data: Path | str) -> list[Scene]:
     ]
 
 
-def _locate(data, file: str, lanes: str, lanes_json) -> tuple[Path, Path]:
+def _locate(data: str | Path, file: str, lanes: str, lanes_json: str | Path | None) -> tuple[Path, Path]:
     data = Path(data)
     path = data if data.is_file() else data / file
     lanes_path = Path(lanes_json) if lanes_json is not None else data / lanes
@@ -237,7 +240,9 @@ def _read(path: Path, needed: list[str]) -> pl.DataFrame:
     return table.sort(order)
 
 
-def rectify(s, right, grid, centres, width):
+def rectify(
+    s: np.ndarray, right: np.ndarray, grid: np.ndarray, centres: np.ndarray, width: float
+) -> np.ndarray:
     """Lateral offset (positive left, 0 = road middle) of points `right` m to the right of the reference.
 
     centres (L, G): lane centres to the right of the reference at stations `grid`; they become parallel.
@@ -253,7 +258,7 @@ def rectify(s, right, grid, centres, width):
     return ((lanes - 1) / 2.0 - lane_number) * width
 
 
-def _smooth_curve(points: np.ndarray, ds_m: float = 1.0):
+def _smooth_curve(points: np.ndarray, ds_m: float = 1.0) -> tuple[Samples, np.ndarray]:
     """A polyline resampled every ds_m with a smooth heading: (x, y, heading, curvature), station."""
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     station = np.arange(0.0, s[-1], ds_m)
@@ -268,7 +273,7 @@ def _smooth_line(z: np.ndarray) -> np.ndarray:
     return smooth(z, cutoff_hz=1.0 / 60.0, dt_s=1.0)
 
 
-def _project(points: np.ndarray, curve) -> tuple[np.ndarray, np.ndarray]:
+def _project(points: np.ndarray, curve: Samples) -> tuple[np.ndarray, np.ndarray]:
     """Station and lateral offset (positive left) of points (n, 2) relative to a curve sampled every metre."""
     x, y, heading, _ = curve
     s, d = np.empty(len(points)), np.empty(len(points))
@@ -356,7 +361,9 @@ def smoothed_motion(s: np.ndarray, d: np.ndarray, road: SceneRoad) -> dict[str, 
     }  # fmt: skip
 
 
-def _overlaps(s, d, lane, length, width) -> np.ndarray:
+def _overlaps(
+    s: np.ndarray, d: np.ndarray, lane: np.ndarray, length: np.ndarray, width: np.ndarray
+) -> np.ndarray:
     """OVERLAP for rows whose box overlaps another's while both centres are in the same lane."""
     flags = np.zeros(s.shape, dtype=np.uint8)
     for f in range(len(s)):

@@ -13,7 +13,10 @@ from policies.network import forward, sample_action
 
 
 @kernel
-def _mean_action(observation, w1, b1, w2, b2, head, action_scale):
+def _mean_action(
+    observation: np.ndarray, w1: np.ndarray, b1: np.ndarray, w2: np.ndarray, b2: np.ndarray, head: np.ndarray,
+    action_scale: np.ndarray,
+) -> tuple[float, float]:  # fmt: skip
     outputs = np.empty(OUTPUTS, np.float32)
     forward(observation, w1, b1, w2, b2, head, outputs)
     return sample_action(outputs, action_scale, 0.0, 0.0)

@@ -20,8 +20,9 @@ class Driven:
 
 
 def driven_scene(
-    scene: Scene, first: int, who: np.ndarray, station, offset, speed, accel, turn_rate
-) -> Driven:
+    scene: Scene, first: int, who: np.ndarray, station: np.ndarray, offset: np.ndarray, speed: np.ndarray,
+    accel: np.ndarray, turn_rate: np.ndarray,
+) -> Driven:  # fmt: skip
     """Put a model's motion, arrays (T, n), over the recorded one from row `first` on."""
     window = window_of(scene, first, len(station))
     lanes, spacing = len(scene.road.lane_left), scene.road.lane_width_m

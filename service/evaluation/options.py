@@ -10,11 +10,12 @@ import msgspec
 import ce
 from service.errors import InputError
 
+# that every method has, and every front door a place of its own for
 COMMON = (
     "budget",
     "rel_error",
     "confidence",
-)  # that every method has, and every front door a place of its own for
+)
 
 
 def option_names(method: str) -> tuple[str, ...]:

@@ -31,9 +31,8 @@ class Failure(msgspec.Struct, frozen=True, kw_only=True):
     kind: str | None  # by the rules, for this rollout alone
     other: str | None  # the vehicle that the smallest value is to; None: background traffic
     motion: Motion | None
-    starts: dict[
-        str, dict[str, float]
-    ]  # by vehicle: station_m, lane_offset_m, heading_deg or lateral_mps, speed_mps
+    # by vehicle: station_m, lane_offset_m, heading_deg or lateral_mps, speed_mps
+    starts: dict[str, dict[str, float]]
 
 
 class Mode(msgspec.Struct, frozen=True, kw_only=True):

@@ -7,6 +7,7 @@ of an earlier version, a run directory's of before there were versions among the
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
@@ -56,7 +57,7 @@ def _engine(url: str, lock_wait_s: float) -> sa.Engine:
     raise ArgumentError(f"{parsed.get_backend_name()} is not a kind that tailroad keeps records in")
 
 
-def _configure_sqlite(connection, _record) -> None:
+def _configure_sqlite(connection: Any, _record: object) -> None:
     """Readers do not wait for the writer, and a finished chunk survives a kill of the process."""
     connection.isolation_level = None  # transactions are begun below, so that tables are made in one, too
     cursor = connection.cursor()
@@ -77,7 +78,7 @@ def writing(engine: sa.Engine) -> Iterator[sa.Connection]:
         yield connection
 
 
-def insert_once(engine: sa.Engine, table: sa.Table):
+def insert_once(engine: sa.Engine, table: sa.Table) -> postgresql.Insert | sqlite.Insert:
     """An insert that leaves a row that is there already as it is."""
     kind = postgresql if engine.dialect.name == "postgresql" else sqlite
     return kind.insert(table).on_conflict_do_nothing()

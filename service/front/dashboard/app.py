@@ -30,7 +30,7 @@ Handler = Callable[[Request], Awaitable[Response]]
 class ImmutableFiles(StaticFiles):
     """Files whose address changes with what they hold."""
 
-    def file_response(self, *args, **kwargs) -> Response:
+    def file_response(self, *args: Any, **kwargs: Any) -> Response:
         response = super().file_response(*args, **kwargs)
         response.headers["cache-control"] = "public, max-age=31536000, immutable"
         return response

@@ -1,7 +1,9 @@
 """Prometheus metrics of a service, by choice (`tailroad serve --metrics HOST:PORT`)."""
 
+import threading
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
+from wsgiref.simple_server import WSGIServer
 
 from prometheus_client import CollectorRegistry, Counter, Histogram, start_http_server
 from prometheus_client.core import GaugeMetricFamily
@@ -88,7 +90,7 @@ class Metrics(Collector):
 class Server:
     """The HTTP server of the metrics."""
 
-    def __init__(self, server, thread):
+    def __init__(self, server: WSGIServer, thread: threading.Thread):
         self._server, self._thread = server, thread
 
     def close(self) -> None:

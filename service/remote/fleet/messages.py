@@ -11,6 +11,8 @@ A worker asks and the scheduler answers, as Zenoh queries on `tailroad/v1/fleet/
 and a liveliness token on `tailroad/v1/fleet/WORKER/alive`.
 """
 
+from typing import Any
+
 import msgspec
 import numpy as np
 
@@ -175,7 +177,7 @@ def decode_reply(data: bytes) -> Reply:
     return _decode(_reply_decoder, data)
 
 
-def _decode(decoder: msgspec.msgpack.Decoder, data: bytes):
+def _decode(decoder: msgspec.msgpack.Decoder, data: bytes) -> Any:
     if len(data) > MAX_BYTES:
         raise BadMessage(f"{len(data)} bytes; a message has at most {MAX_BYTES}")
     try:

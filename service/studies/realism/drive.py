@@ -45,9 +45,11 @@ class Model:
 
 @kernel
 def drive(
-    kind, agents, controlled, steps, w1, b1, w2, b2, head, action_scale, p, last_lane, action_noise, chance, reference,
-    lanes, spacing_m, beams, replay, out,
-):  # fmt: skip
+    kind: int, agents: np.ndarray, controlled: int, steps: int, w1: np.ndarray, b1: np.ndarray, w2: np.ndarray,
+    b2: np.ndarray, head: np.ndarray, action_scale: np.ndarray, p: np.ndarray, last_lane: int,
+    action_noise: np.ndarray, chance: np.ndarray, reference: np.ndarray, lanes: np.ndarray, spacing_m: float,
+    beams: np.ndarray, replay: np.ndarray, out: np.ndarray,
+) -> None:  # fmt: skip
     """Drive the first `controlled` rows of `agents` for `steps` of 0.1 s; the rest follow `replay`.
 
     action_noise: (steps, controlled, 2) standard normals
@@ -102,7 +104,11 @@ def drive(
 
 
 @kernel
-def idm_mobil_step(p, agent, i, station, lane, speed, length, present, last_lane, wanted, chance, lanes):
+def idm_mobil_step(
+    p: np.ndarray, agent: np.ndarray, i: int, station: np.ndarray, lane: np.ndarray, speed: np.ndarray,
+    length: np.ndarray, present: np.ndarray, last_lane: int, wanted: np.ndarray, chance: np.ndarray,
+    lanes: np.ndarray,
+) -> tuple[float, float]:  # fmt: skip
     """Acceleration and turn rate; updates the lane that is wanted."""
     here = lane[i]
     if wanted[i] < 0:

@@ -24,7 +24,7 @@ from service.studies.realism.sumo_traffic import SumoTraffic
 from service.world import agents as A
 from service.world.sim.dynamics import advance
 from service.world.sim.projection import place
-from service.world.sim.road import road_of
+from service.world.sim.road import Road, road_of
 from service.world.sim.step import NO_EGO, observe
 from sumo_nets.corridor import Corridor
 
@@ -91,9 +91,11 @@ def demand(data: Path) -> Demand | None:
 
 @kernel
 def stream_step(
-    kind, agents, w1, b1, w2, b2, head, action_scale, p, action_noise, chance, reference, lanes, spacing_m, beams,
-    boundary, boundary_m, exit_m, wanted, seen,
-):  # fmt: skip
+    kind: int, agents: np.ndarray, w1: np.ndarray, b1: np.ndarray, w2: np.ndarray, b2: np.ndarray, head: np.ndarray,
+    action_scale: np.ndarray, p: np.ndarray, action_noise: np.ndarray, chance: np.ndarray, reference: np.ndarray,
+    lanes: np.ndarray, spacing_m: float, beams: np.ndarray, boundary: np.ndarray, boundary_m: float, exit_m: float,
+    wanted: np.ndarray, seen: np.ndarray,
+) -> tuple[int, int]:  # fmt: skip
     """One step of 0.1 s of all active rows of `agents`; returns how many are in contact and how many there are."""
     count = agents.shape[0]
     outputs = np.empty(layout.OUTPUTS, np.float32)
@@ -197,7 +199,7 @@ def of_model(
     }
 
 
-def _enter(agents: np.ndarray, lane: int, speed: float, road) -> int:
+def _enter(agents: np.ndarray, lane: int, speed: float, road: Road) -> int:
     """Put a vehicle into the first free row where its lane has room; the row, or -1."""
     active = agents[:, A.ACTIVE] > 0
     along = agents[:, A.STATION] * road.spacing_m + agents[:, A.ALONG_M]

@@ -13,7 +13,7 @@ from service.studies import bench
 from service.studies.reproduce.page import Page, made_by, made_with
 from service.studies.reproduce.scale import LATENCY_S, MESSAGE_S, FleetTiming, measure, play
 from service.studies.reproduce.tables import Table, number
-from service.world.scenario import load_scenario
+from service.world.scenario import Scenario, load_scenario
 
 SCENARIO, EGO = "i80-paper-10s", "lidar"
 BATCHES = {"batches of 5,000": 5000, "one batch": None}  # the default of `naive`, and all rollouts at once
@@ -74,7 +74,7 @@ def scale_page(scale: str, cores: int, command: str, tell: Callable[[str], None]
     )
 
 
-def _job(scenario, rollouts: int, batch: int | None) -> Job:
+def _job(scenario: Scenario, rollouts: int, batch: int | None) -> Job:
     return make_job(
         scenario, EGO, 0.5, "naive", 1, {"budget": rollouts, "batch_size": min(batch or rollouts, rollouts)}
     )

@@ -10,6 +10,7 @@ here first, word by word: signals, numbers, the operators below, and intervals w
 import difflib
 import re
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -154,7 +155,9 @@ def _ms(number: str, unit: str | None) -> float:
     return round(float(number) * (1.0 if unit == "ms" else 1000.0), 6)
 
 
-def _specification(text: str, names: list[str], step_ms: int):
+def _specification(
+    text: str, names: list[str], step_ms: int
+) -> Any:  # a specification of rtamt, which comes without types
     try:
         import rtamt
     except ModuleNotFoundError as error:

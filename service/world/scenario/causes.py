@@ -20,9 +20,8 @@ from scipy.special import ndtr
 import ce
 from service.world.scenario.schema import Glances, Scenario
 
-REACTION_S, GLANCE_ONSET_S, GLANCE_DURATION_S, GLANCE_LEAK, MODES = range(
-    5
-)  # columns; those from MODES on are modes
+# columns; those from MODES on are modes
+REACTION_S, GLANCE_ONSET_S, GLANCE_DURATION_S, GLANCE_LEAK, MODES = range(5)
 KINDS = ("reaction_s", "glance_onset_s", "glance_duration_s", "glance_leak")
 ACTIONS = ("acceleration", "turn_rate")
 FARTHEST_MODE = 8.0  # standard deviations

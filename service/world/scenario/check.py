@@ -7,7 +7,7 @@ import numpy as np
 
 from policies.layout import HEAD_SIZE
 from service.errors import ScenarioError
-from service.world.scenario.check_camera import check_camera
+from service.world.scenario.check_camera import Refuse, check_camera
 from service.world.scenario.check_human import check_human, check_lateral, steepest
 from service.world.scenario.measures import split_measure
 from service.world.scenario.schema import (
@@ -158,7 +158,7 @@ def _key(vehicle: Vehicle, index: int, key: str) -> str:
     return f"start.{key}" if getattr(vehicle, key) is None else f"vehicles[{index}].{key}"
 
 
-def _check_distribution(dist: Distribution, kind: str, key: str, refuse) -> None:
+def _check_distribution(dist: Distribution, kind: str, key: str, refuse: Refuse) -> None:
     if isinstance(dist, Beta):
         for name in ("alpha", "beta"):
             if not 0.0 < getattr(dist, name) <= 1000.0:
@@ -184,7 +184,7 @@ def _check_distribution(dist: Distribution, kind: str, key: str, refuse) -> None
                 refuse(f"{key}.{end}", getattr(dist, end), remedy)
 
 
-def _check_noise_mode(scenario: Scenario, refuse) -> None:
+def _check_noise_mode(scenario: Scenario, refuse: Refuse) -> None:
     if scenario.drivers.noise_mode == "searched" and scenario.action_noise_values > MAX_SEARCHED:
         refuse(
             "drivers.noise_mode",
@@ -194,7 +194,7 @@ def _check_noise_mode(scenario: Scenario, refuse) -> None:
         )
 
 
-def _check_fixed(scenario: Scenario, fixed: Fixed, refuse) -> None:
+def _check_fixed(scenario: Scenario, fixed: Fixed, refuse: Refuse) -> None:
     digits = fixed.noise_seed
     if not re.fullmatch(r"[0-9]{1,20}", digits) or int(digits) >= 2**64:
         refuse("fixed.noise_seed", digits, "give a whole number from 0 to 2**64 - 1 as text, in quotes")

@@ -1,6 +1,6 @@
 """The scenario as frozen data; a key's unit is the end of its name."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 
@@ -268,7 +268,7 @@ class Scenario(_Table, frozen=True):
         """The row of the ego among the vehicles."""
         return next(i for i, vehicle in enumerate(self.vehicles) if vehicle.role == "ego")
 
-    def of(self, vehicle: Vehicle, key: str):
+    def of(self, vehicle: Vehicle, key: str) -> Any:
         """A vehicle's own value of `key`, or the one that holds for all."""
         own = getattr(vehicle, key)
         return getattr(self.start, key) if own is None else own

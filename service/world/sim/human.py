@@ -39,7 +39,10 @@ def reset_minds(minds: np.ndarray, reactions_s: np.ndarray) -> None:
 
 
 @kernel
-def _look(agents, controlled, count, reference, lanes, spacing_m, seen) -> None:
+def _look(
+    agents: np.ndarray, controlled: int, count: int, reference: np.ndarray, lanes: np.ndarray, spacing_m: float,
+    seen: np.ndarray,
+) -> None:  # fmt: skip
     """Fill `seen` (count, C.SEEN): where everybody is along and across the road, before anybody moves."""
     row = np.empty(A.COLUMNS)
     for j in range(count):

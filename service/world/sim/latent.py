@@ -37,9 +37,8 @@ from service.world.scenario.causes import (
 from service.world.scenario.schema import Scenario
 
 # channels of the standard normals, and columns of the table made of them
-ACCELERATION, TURN_RATE, GLANCE, LEAK = range(
-    4
-)  # of the table: noise, noise, seconds of a glance that begins, 1 = leaks
+# of the table: noise, noise, seconds of a glance that begins, 1 = leaks
+ACCELERATION, TURN_RATE, GLANCE, LEAK = range(4)
 CHANNELS = 4
 POWER_STEPS = 400  # of the iteration for the modes
 CERTAIN = 1.0 - 1e-12
@@ -103,8 +102,11 @@ def _lowest_modes(r: float, steps: int, modes: int) -> tuple[np.ndarray, np.ndar
 
 
 @kernel
-def _realise(normals, causes, ego, modes, roots, decays, amplitudes, dt_s, hazard, median_s, sigma, long_s, leak_below,
-             leak_share, table):  # fmt: skip
+def _realise(
+    normals: np.ndarray, causes: np.ndarray, ego: int, modes: np.ndarray, roots: np.ndarray, decays: np.ndarray,
+    amplitudes: np.ndarray, dt_s: float, hazard: float, median_s: float, sigma: float, long_s: float, leak_below: float,
+    leak_share: float, table: np.ndarray,
+) -> None:  # fmt: skip
     """Fill `table` (steps, vehicles, 4); modes: (2, window, m), roots: (2, m); leak_below: a normal below it leaks."""
     steps, vehicles = normals.shape[0], normals.shape[1]
     window, count = min(modes.shape[1], steps), modes.shape[2]

@@ -15,7 +15,16 @@ from service.front.dashboard.link import FOR_GOOD_S, MOMENT_S
 from service.front.dashboard.pages import job_charts
 from service.front.dashboard.pages.jobs import estimate_of, row_of
 from service.front.dashboard.site import Part, Site
-from service.remote.api.objects import OVER, Curve, Estimate, EstimateStep, Iterations, Job, SearchStep
+from service.remote.api.objects import (
+    OVER,
+    Curve,
+    Estimate,
+    EstimateStep,
+    Iterations,
+    Job,
+    Scenarios,
+    SearchStep,
+)
 from service.remote.client import Client, Refused
 
 ITERATIONS_PAGE = 1000
@@ -151,7 +160,7 @@ async def cost(site: Site, request: Request) -> dict[str, Any]:
     return {"job": job, "estimate": estimate, "command": command_of(job), "listed": built_in}
 
 
-async def scenarios(site: Site):
+async def scenarios(site: Site) -> Scenarios:
     return await site.link.ask("scenarios", lambda client: client.scenarios(), 60.0)
 
 

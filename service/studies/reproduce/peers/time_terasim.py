@@ -9,6 +9,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 from terasim.envs.template import EnvTemplate
 from terasim.logger.infoextractor import InfoExtractor
@@ -29,15 +30,15 @@ VEHICLE = '<vehicle id="{i}" route="r" depart="0" departLane="{i}" departPos="{a
 class Silent(InfoExtractor):
     """Writes nothing down."""
 
-    def get_snapshot_info(self, control_info):
+    def get_snapshot_info(self, control_info: Any) -> None:
         return None
 
-    def get_terminate_info(self, stop, reason, additional_info):
+    def get_terminate_info(self, stop: Any, reason: Any, additional_info: Any) -> None:
         return None
 
 
 class Factory(VehicleFactory):
-    def create_vehicle(self, veh_id, simulator):
+    def create_vehicle(self, veh_id: Any, simulator: Any) -> Vehicle:
         sensors = [EgoSensor(), LocalSensor(obs_range=40)]
         return Vehicle(veh_id, simulator, sensors, IDMModel(), HighEfficiencyController(simulator))
 
