@@ -204,10 +204,9 @@ class Auto(Estimator[AutoState], method="auto", state_type=AutoState):
         """Where the proposal found promises too little for a trial, another stage."""
         last, search = within.records[-1], within.search
         if last.events == 0:
+            # What is fitted to a level just short of gamma may well reach it: the trial tells.
             if well_ahead(search.log_efficiencies):
-                return (
-                    state  # what is fitted to a level just short of gamma may well reach it: the trial tells
-                )
+                return state
             return self._switch_as_rare(state, est, 0.0, left, "the search found no events")
         # What the last batch of the search was worth; an elite, at most one rollout of what is fitted to it.
         promised = search.ess_rates[-1] if search.ess_rates else last.ess / est.rollouts

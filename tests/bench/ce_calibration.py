@@ -6,10 +6,11 @@ is a line of the results file, and runs that are already there are not done agai
 will; a results file that is not there begins as the runs kept in `ce_calibration.jsonl.xz`, which --keep writes anew.
 A line carries a digest of the sources that its method is made of (docstrings, comments and messages apart): lines of
 an earlier version of the algorithm are left out of the table and their runs are made again, unless --renew finds runs
-made again unchanged to the bit. --seeds-large: seeds in a
-hundred dimensions and more (as --seeds, if not given). Problem number j has seeds 1000 j, 1000 j + 1, ...: a method's
-normals depend on the seed alone, so with the same seeds a lucky one would be lucky in every row. A run of `mixture`
-is that of `auto` with the same seed where `auto` has stayed with it, and is then taken from there.
+made again unchanged: to the bit on the processor that made them, and to SAME in p and its interval on another, whose
+BLAS adds up in another order. --seeds-large: seeds in a hundred dimensions and more (as --seeds, if not given).
+Problem number j has seeds 1000 j, 1000 j + 1, ...: a method's normals depend on the seed alone, so with the same seeds
+a lucky one would be lucky in every row. A run of `mixture` is that of `auto` with the same seed where `auto` has stayed
+with it, and is then taken from there.
 
 Other libraries on the same problems (`make calibration-peers`): OpenTURNS with its cross-entropy, NAIS and subset
 sampling (--method ot-ce, ot-nais, ot-subset), UQpy with its subset simulation (uqpy-subset), each as its manual has it.
@@ -56,6 +57,7 @@ KEPT = HERE / "ce_calibration.jsonl.xz"
 LARGE = 100  # dimensions
 BLOCK = 10  # seeds after which the next problem has its turn
 TIME_LIMIT_S, CALL_LIMIT, HOPELESS = 60, 20, 3
+SAME = 1e-7  # relative
 
 COLUMNS = (
     "problem", "p", "method", "budget", "runs", "calls of f", "bias", "rmse", "covered", "covered or warned",
@@ -213,10 +215,21 @@ def taken_over(done: Runs, problem: Problem, method: str, budget: int, seed: int
     return {name: same[0][name] for name in ("p", "low", "high", "calls", "warned", "by")} if same else None
 
 
+def sameness(record: dict[str, Any], again: dict[str, Any]) -> str:
+    """Whether a run made again is the one on record."""
+    if all(record[key] == value for key, value in again.items()):
+        return "the same to the bit"
+    for key, value in again.items():
+        near = isinstance(value, float) and math.isclose(record[key], value, rel_tol=SAME)
+        if not (near or record[key] == value):
+            return "another result"
+    return f"the same to {SAME:g}"
+
+
 def renewed(path: Path, methods: list[str], show: Callable[[str], None]) -> None:
-    """Lines of an earlier version get today's digest where runs made again are the same to the bit: the last of each
-    problem below LARGE dimensions and of the first above. For changes that were not to change a result. Of several
-    lines of one run the last counts."""
+    """Lines of an earlier version get today's digest where runs made again are the same: the last of each problem below
+    LARGE dimensions and of the first above. For changes that were not to change a result. Of several lines of one run
+    the last counts."""
     today = {method: version(method) for method in methods}
     every = [json.loads(line) for line in path.read_text().splitlines()]
     lines = list({(r["problem"], r["method"], r["budget"], r["seed"]): r for r in every}.values())
@@ -232,11 +245,9 @@ def renewed(path: Path, methods: list[str], show: Callable[[str], None]) -> None
             if name == problem.name and method not in changed:
                 record = _by_seed(runs)[-1]
                 again = limited(problem, method, budget, record["seed"])
-                same = all(record[key] == value for key, value in again.items())
-                show(
-                    f"{name:32} {method:10} seed {record['seed']}: {'the same' if same else 'another result'}"
-                )
-                changed |= set() if same else {method}
+                said = sameness(record, again)
+                show(f"{name:32} {method:10} seed {record['seed']}: {said}")
+                changed |= {method} if said == "another result" else set()
     for record in lines:
         if record["method"] in today and record["method"] not in changed:
             record["version"] = today[record["method"]]
@@ -265,7 +276,7 @@ def main(arguments: list[str] | None = None, show: Callable[[str], None] = print
     parser.add_argument(
         "--renew",
         action="store_true",
-        help="first try whether runs of an earlier version are still the same to the bit, and take them over",
+        help="first try whether runs of an earlier version are still the same, and take them over",
     )
     given = parser.parse_args(arguments)
     given.results.parent.mkdir(parents=True, exist_ok=True)

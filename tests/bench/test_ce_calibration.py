@@ -48,6 +48,14 @@ def test_kept_runs_are_where_a_new_results_file_begins(tmp_path, monkeypatch):
     ]
 
 
+def test_a_run_is_the_same_to_the_bit_or_to_what_another_processor_rounds():
+    run = ce_calibration.run(LINEAR_2, "naive", 1000, 5)
+    assert ce_calibration.sameness(run | {"seed": 5}, run) == "the same to the bit"
+    assert ce_calibration.sameness(run | {"high": run["high"] * (1 + 1e-9)}, run) == "the same to 1e-07"
+    for changed in ({"high": run["high"] * (1 + 1e-6)}, {"calls": 999}, {"warned": ["unknown"]}):
+        assert ce_calibration.sameness(run | changed, run) == "another result"
+
+
 def test_runs_of_an_earlier_version_are_taken_over_only_where_they_are_the_same(tmp_path):
     path = tmp_path / "runs.jsonl"
     right = {"problem": LINEAR_2.name, "method": "naive", "budget": 1000, "seed": 5, "version": "earlier"}
