@@ -45,7 +45,9 @@ class DriverModel:
 
     w1 (51, 200), b1 (200,), w2 (200, 100), b2 (100,) float32: the trunk; mu0 (404,), sigma0 (404, 404) float64: mean
     and covariance of the last layer's weights, symmetric positive definite (zero for an ego); action_scale (2,):
-    m/s^2 and rad/s; card: the JSON card.
+    m/s^2 and rad/s.
+
+    card: the JSON card
     """
 
     w1: np.ndarray

@@ -46,8 +46,9 @@ def forward(
 ) -> None:
     """Fill `outputs` (4,) float32 from `observation` (51,) float64.
 
-    w1: (51, 200), b1: (200,), w2: (200, 100), b2: (100,), head: (404,), all float32. The head holds its weights
-    (100, 4) row by row, then its bias (4,).
+    w1: (51, 200), b1: (200,), w2: (200, 100), b2: (100,), head: (404,), all float32
+
+    The head holds its weights (100, 4) row by row, then its bias (4,).
     """
     inputs = np.empty(OBSERVATION_SIZE, np.float32)
     used = np.empty(HIDDEN_1, np.intp)

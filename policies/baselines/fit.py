@@ -36,8 +36,13 @@ STARTS = ((24.0, 1.2, 2.0, 1.0, 2.0), (20.0, 0.9, 3.0, 0.7, 1.5))
 
 @dataclass(frozen=True)
 class Fit:
-    """values: PARAMETERS in SI units; following_error: root mean square of log(gap ratio), and how many events;
-    decisions, changes: rows of the likelihood; log_likelihood: of them, and of a constant rate."""
+    """What IDM and MOBIL fitted to recordings come to.
+
+    values: PARAMETERS in SI units
+    following_error: root mean square of log(gap ratio), and how many events
+    decisions, changes: rows of the likelihood
+    log_likelihood: of them, and of a constant rate
+    """
 
     values: np.ndarray
     following_error: float

@@ -22,7 +22,7 @@ def finish(table: pl.DataFrame, complete: bool = False) -> pl.DataFrame:
     """One recording in SCHEMA, sorted by vehicle and frame, from the columns that its source has (in metres).
 
     complete: every vehicle of the road is recorded, so that the vehicle ahead can be found where the source does not
-    name it.
+        name it
     """
     missing = [pl.lit(None, dtype=kind).alias(n) for n, kind in SCHEMA.items() if n not in table.columns]
     table = table.with_columns(missing)

@@ -32,7 +32,8 @@ PERCENTILES = (1, 5, 25, 50, 75, 95, 99)
 def import_file(path: Path, out: Path, units: str = "auto") -> dict[str, Any]:
     """Write out/NAME.parquet and out/NAME.json; the report that the latter holds.
 
-    units: of text and CSV files, "feet", "metres" or "auto" (told by the cars' lengths; feet where no car has one).
+    units: of text and CSV files, "feet", "metres" or "auto" (told by the cars' lengths; feet where no car has one)
+
     Raises FormatError for a file in no known layout, or malformed: nothing is written then.
     """
     if not path.is_file():

@@ -31,10 +31,14 @@ EVENT_GAP_M = 60.0
 
 @dataclass(frozen=True)
 class Recordings:
-    """sites: scenes by site: "i80" and "us101" of the pack, or each road of tables, called by its first recording.
+    """The recordings that drivers are trained on and compared with.
 
-    following (events, steps, 3): gap m, own speed, leader's speed m/s at 10 Hz, NaN after an event's end; files: sha256
-    by name; passed_over: recordings that are no scenes, and why; from_pack: `following` is Zhu's, not the scenes' own.
+    sites: scenes by site: "i80" and "us101" of the pack, or each road of tables, called by its first recording
+
+    following (events, steps, 3): gap m, own speed, leader's speed m/s at 10 Hz, NaN after an event's end
+    files: sha256 by name
+    passed_over: recordings that are no scenes, and why
+    from_pack: `following` is Zhu's, not the scenes' own
     """
 
     sites: dict[str, list[Scene]]

@@ -99,9 +99,11 @@ class Scene:
 
     frame (F,) recorded frame numbers; vehicle_id (N,), length_m (N,), width_m (N,); x, y, heading, speed, accel,
     turn_rate in m, rad, s: accel and turn_rate are the actions that lead from one frame to the next (forward
-    differences); station, lateral in the road's frame (lateral after rectification); lane (0 = leftmost); flags
-    a sum of FLAG_NAMES; usable: neighbours recorded, no flag, not at a track's end, action known; held_out_from:
-    vehicles from this number on are kept from training.
+    differences); station, lateral in the road's frame (lateral after rectification); lane (0 = leftmost); flags a sum
+    of FLAG_NAMES.
+
+    usable: neighbours recorded, no flag, not at a track's end, action known
+    held_out_from: vehicles from this number on are kept from training
     """
 
     name: str
@@ -291,7 +293,7 @@ def assemble(name: str, table: pl.DataFrame, road: SceneRoad, held_out_from: int
     """Smooth every gap-free piece of every track and lay them out on a common (frame, vehicle) grid.
 
     table: sorted by vehicle and frame, with s, d (station and rectified offset of the centre, m), length, width,
-    followers_known and leader_known.
+        followers_known and leader_known
     """
     numbers = table["frame"].to_numpy()
     frames = np.arange(numbers.min(), numbers.max() + 1)

@@ -64,9 +64,13 @@ class Sample:
 
 @dataclass(frozen=True)
 class BetaFit:
-    """Beta(alpha, beta) on [low, high] with the fit's evidence. x (n,): the sample inside [low, high]; outside: share
-    of the sample left out; intervals: 95% of alpha and of beta, bootstrap over vehicles; ks: the largest distance
-    between the sample's distribution function and the fit's."""
+    """Beta(alpha, beta) on [low, high] with the fit's evidence.
+
+    x (n,): the sample inside [low, high]
+    outside: share of the sample left out
+    intervals: 95% of alpha and of beta, bootstrap over vehicles
+    ks: the largest distance between the sample's distribution function and the fit's
+    """
 
     alpha: float
     beta: float

@@ -218,7 +218,10 @@ def lane_centres(
 
 
 def _surrounded(table: pl.DataFrame) -> pl.DataFrame:
-    """followers_known, leader_known: as in the data pack, by the first and last vehicle of each lane and frame."""
+    """Whether each row's followers and leader were in the recorded area.
+
+    followers_known, leader_known: as in the data pack, by the first and last vehicle of each lane and frame.
+    """
     ends = table.group_by("frame", "lane").agg(
         pl.col("s").min().alias("first"), pl.col("s").max().alias("last")
     )

@@ -43,7 +43,10 @@ class VisionEgo:
     wants_camera = True
 
     def __init__(self, weights: Path = WEIGHTS, providers: Sequence[str] = ("CPUExecutionProvider",)):
-        """providers: ONNX Runtime's names of what may run the network, the best first."""
+        """Load the exported network.
+
+        providers: ONNX Runtime's names of what may run the network, the best first
+        """
         import onnxruntime  # here because it takes longer to import than the other egos together
 
         if not weights.is_file():

@@ -9,8 +9,12 @@ from policies.data.scenes import Scene
 
 @dataclass(frozen=True)
 class Driven:
-    """scene: the window, with the model's motion in the columns `who` (n,); recorded: the same window as recorded;
-    accel, turn_rate (T, n): the actions as they were applied, not smoothed."""
+    """A window of a scene as a model drove it.
+
+    scene: the window, with the model's motion in the columns `who` (n,)
+    recorded: the same window as recorded
+    accel, turn_rate (T, n): the actions as they were applied, not smoothed
+    """
 
     scene: Scene
     recorded: Scene

@@ -34,7 +34,8 @@ def exposure_of(
 ) -> Exposure | None:
     """Measure it on ROLLOUTS rollouts drawn from P0; None where fewer than two of them run.
 
-    base: the job's P0; folder: a run directory that keeps the answer.
+    base: the job's P0
+    folder: a run directory that keeps the answer
     """
     key = hashlib.sha256(
         msgspec.msgpack.encode(

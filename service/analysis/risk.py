@@ -96,8 +96,9 @@ def rate_of(
 ) -> Risk:
     """The risk of an event of probability p per rollout.
 
-    event: in words, as in "a time to collision of at most 0.5 s". The interval takes p's interval at the kilometres'
-    other end, so it is a little wider than it need be.
+    event: in words, as in "a time to collision of at most 0.5 s"
+
+    The interval takes p's interval at the kilometres' other end, so it is a little wider than it need be.
     """
     low, high = ci
     short, long = exposure.km_ci

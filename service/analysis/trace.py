@@ -29,9 +29,10 @@ TABLE_COLUMNS = {
 class Trace:
     """What happened at each of T states of a rollout, the start and the end included.
 
-    agents: (T, vehicles, columns of service.world.agents); ttc_s: (T,) the ego's time to collision; actions: (T - 1,
-    2) the ego's acceleration (m/s^2) and turn rate (rad/s); measured: (T,) the scenario's safety `measure` at each
-    state.
+    agents: (T, vehicles, columns of service.world.agents)
+    ttc_s: (T,) the ego's time to collision
+    actions: (T - 1, 2) the ego's acceleration (m/s^2) and turn rate (rad/s)
+    measured: (T,) the scenario's safety `measure` at each state
     """
 
     names: tuple[str, ...]

@@ -63,8 +63,9 @@ def run_job(
 ) -> ce.Estimate:
     """Run one job to its end, from wherever its record in `store` stands.
 
-    max_failed: TooManyFailures where a larger share of its rollouts fails; open_world: what the rollouts run in;
-    executor: what runs them in place of local workers, in SUMO.
+    max_failed: TooManyFailures where a larger share of its rollouts fails
+    open_world: what the rollouts run in
+    executor: what runs them in place of local workers, in SUMO
     """
     problem = Problem(job)
     algorithm = problem.algorithm

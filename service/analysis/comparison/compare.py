@@ -53,9 +53,11 @@ def comparison_of(
 ) -> Comparison:
     """Each against each. InputError where they do not ask the same question; ce.OptionsError where confidences differ.
 
-    runs: what each is called; most: dangerous rollouts of each at most that are run again and grouped (0: no modes);
-    folders: where each remembers them; watch: told of (done, total), of one after the other; opened: rerunners of jobs,
-    else new ones with `workers` processes.
+    runs: what each is called
+    most: dangerous rollouts of each at most that are run again and grouped (0: no modes)
+    folders: where each remembers them
+    watch: told of (done, total), of one after the other
+    opened: rerunners of jobs, else new ones with `workers` processes
     """
     check_comparable(records, runs)
     examined = []

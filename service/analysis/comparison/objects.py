@@ -30,7 +30,8 @@ class Difference(msgspec.Struct, frozen=True, kw_only=True):
     """p of B against p of A.
 
     how: "normal" (ce.compare), "paired counts" or "bounds" (service.analysis.comparison.differences), the exact ones
-    where events are few. clear: the interval of the difference leaves 0 out.
+        where events are few
+    clear: the interval of the difference leaves 0 out
     """
 
     difference: float  # p of B minus p of A
@@ -60,8 +61,11 @@ class ModeSide(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ModeChange(msgspec.Struct, frozen=True, kw_only=True):
-    """A failure mode in both. change: "unclear" where the interval of the difference of p holds 0, whatever was met;
-    else "appeared" (none in A), "vanished" (none in B), "more" or "less"."""
+    """A failure mode in both.
+
+    change: "unclear" where the interval of the difference of p holds 0, whatever was met; else "appeared" (none in
+        A), "vanished" (none in B), "more" or "less"
+    """
 
     mode: str
     name: str
@@ -73,7 +77,10 @@ class ModeChange(msgspec.Struct, frozen=True, kw_only=True):
 
 class Pair(msgspec.Struct, frozen=True, kw_only=True):
     """Side `b` (its place in `sides`) against side `a`: difference and ratio of p, and the ways to fail that came and
-    went. draws: where both ran the same ones by naive Monte Carlo."""
+    went.
+
+    draws: where both ran the same ones by naive Monte Carlo
+    """
 
     a: int
     b: int

@@ -23,8 +23,14 @@ SUFFIXES = {form: suffix for form, (_, suffix) in FORMATS.items()} | {"table": "
 
 @dataclass(frozen=True)
 class Exports:
-    """Files to write. scenario: a scenario file that holds the rollout; fcd: SUMO's floating-car data; mp4: a film;
-    mcap: a recording for viewers of robot logs; table: every vehicle at every step, as Parquet."""
+    """Files to write.
+
+    scenario: a scenario file that holds the rollout
+    fcd: SUMO's floating-car data
+    mp4: a film
+    mcap: a recording for viewers of robot logs
+    table: every vehicle at every step, as Parquet
+    """
 
     scenario: Path | None = None
     fcd: Path | None = None
@@ -38,8 +44,9 @@ def write_exports(
 ) -> Rerun:
     """Run the rollout of x (d,) and its noise seed again and write the files; what it came to.
 
-    camera: whether the film shows the ego's camera beside the road from above. SUMO allows one simulation a process.
-    Raises SimulationError where the rollout fails.
+    camera: whether the film shows the ego's camera beside the road from above
+
+    SUMO allows one simulation a process. Raises SimulationError where the rollout fails.
     """
     with problem.simulator(fcd=files.fcd) as simulator:
         again = rerun(problem, simulator, x, noise_seed)

@@ -22,9 +22,12 @@ MOVING_MPS = 1.0  # headways of standing vehicles mean nothing
 class Driving:
     """Sums over the drivers of one rollout.
 
-    km: driven by all of them; hard_brakes: times that a deceleration of HARD_BRAKE_MPS2 began; states: vehicles times
-    steps; following: of these within LONGEST_HEADWAY_S behind another; close: within CLOSE_S; headway_s, speed_mps:
-    sums of time headways over `following`, and of speeds over `states`.
+    km: driven by all of them
+    hard_brakes: times that a deceleration of HARD_BRAKE_MPS2 began
+    states: vehicles times steps
+    following: of these within LONGEST_HEADWAY_S behind another
+    close: within CLOSE_S
+    headway_s, speed_mps: sums of time headways over `following`, and of speeds over `states`
     """
 
     km: float = 0.0

@@ -20,9 +20,11 @@ CHAINS = "train"  # what methods that move chains call the phase of all their ba
 class Events:
     """The rollouts with f <= gamma of the batches that the estimate is made of, by iteration and row. Arrays (n,).
 
-    log_likelihood: log p0(x), nats; weight: p0(x) over the proposal's density, 1 for naive Monte Carlo and for methods
-    that move chains; share: of the estimate that the rollout carries; replication: for methods that move chains, the
-    independent replication that met it, and replicated: p of each replication.
+    log_likelihood: log p0(x), nats
+    weight: p0(x) over the proposal's density, 1 for naive Monte Carlo and for methods that move chains
+    share: of the estimate that the rollout carries
+    replication: for methods that move chains, the independent replication that met it, and replicated: p of each
+        replication
     """
 
     record: JobRecord

@@ -30,8 +30,8 @@ def look_away(done: int, total: int) -> None:
 class Examined:
     """Dangerous rollouts of a job that were run again.
 
-    sample: positions of those from which shares are counted; reruns: of the sample and of others
-    that were asked for, by position.
+    sample: positions of those from which shares are counted
+    reruns: of the sample and of others that were asked for, by position
     """
 
     events: Events
@@ -50,7 +50,8 @@ def examine(
 ) -> Examined:
     """Run a sample of `most` rollouts and those at positions `others` again, except what `folder` remembers.
 
-    traced: positions to return the traces of; these are always run. watch: told of (done, total).
+    traced: positions to return the traces of; these are always run
+    watch: told of (done, total)
     """
     sample = _sample(events, most)
     positions = sorted({*sample.tolist(), *others, *traced})

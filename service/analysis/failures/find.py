@@ -17,7 +17,8 @@ from service.world.scenario.measures import measure_kind
 class Found:
     """The failures of a job, and what they were found from.
 
-    ranking: positions of all dangerous rollouts in the order asked for; modes: of each that was examined.
+    ranking: positions of all dangerous rollouts in the order asked for
+    modes: of each that was examined
     """
 
     failures: Failures
@@ -38,7 +39,8 @@ def find_failures(
 ) -> Found:
     """The failures of a job: its modes, and the first `limit` of its dangerous rollouts in the order asked for.
 
-    run: what the run is called; folder: where to remember what was run again; the rest as in `examine`.
+    run: what the run is called
+    folder: where to remember what was run again; the rest as in `examine`
     """
     events = events_of(record)
     ranking = events.ranking(order).tolist()

@@ -61,8 +61,10 @@ class Motion(msgspec.Struct, frozen=True, kw_only=True):
 def motion_of(trace: Trace, rays: int, corridor: Corridor) -> Motion | None:
     """The motion that led to the trace's smallest value; None where no vehicle of the scenario is to be seen.
 
-    rays: of the safety measure. None also where background traffic is closer in time than any of
-    the scenario's vehicles, as the trace does not hold it.
+    rays: of the safety measure
+
+    None also where background traffic is closer in time than any of the scenario's vehicles, as the trace does not
+    hold it.
     """
     if not trace.measured.size:
         return None

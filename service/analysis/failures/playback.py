@@ -30,8 +30,11 @@ class RoadLine(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Playback(msgspec.Struct, frozen=True, kw_only=True):
-    """A rollout to be shown, a value a state. worst: the state of the smallest value of the safety measure; rays: angle
-    of each ray to the ego's heading, and how far it reaches in each state."""
+    """A rollout to be shown, a value a state.
+
+    worst: the state of the smallest value of the safety measure
+    rays: angle of each ray to the ego's heading, and how far it reaches in each state
+    """
 
     time_s: tuple[float, ...]
     tracks: tuple[Track, ...]

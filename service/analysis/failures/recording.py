@@ -68,8 +68,12 @@ def write_recording(
     rays: int,
     attached: dict[str, str] | None = None,
 ) -> None:
-    """Write the recording (.mcap). gamma: the ego is red while its time to collision is not above it; rays: of the
-    safety measure; attached: texts to go with it, by file name."""
+    """Write the recording (.mcap).
+
+    gamma: the ego is red while its time to collision is not above it
+    rays: of the safety measure
+    attached: texts to go with it, by file name
+    """
     if path.suffix.lower() != ".mcap":
         raise InputError(f"--recording {path}: recordings are written as .mcap; give a name that ends so")
     with path.open("wb") as out:

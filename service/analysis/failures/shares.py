@@ -36,11 +36,13 @@ def replicated_share(
 ) -> tuple[float, float, float]:
     """The same where events come from independent replications, within which they depend on each other.
 
-    member, share, replication: of n events, as `Events` has them; replicated: p of each replication. The share is the
-    members' part of p summed over replications, over the sum of p; its variance is that of this ratio over the
-    replications, with Student's quantile for as many, and not less than with half a replication more that has met both
-    evenly: few replications of which none has met much of a rare mode would agree too well. Where all replications
-    agree, as when no event or every event is a member, they count as so many independent events.
+    member, share, replication: of n events, as `Events` has them
+    replicated: p of each replication
+
+    The share is the members' part of p summed over replications, over the sum of p; its variance is that of this
+    ratio over the replications, with Student's quantile for as many, and not less than with half a replication more
+    that has met both evenly: few replications of which none has met much of a rare mode would agree too well. Where
+    all replications agree, as when no event or every event is a member, they count as so many independent events.
     """
     if not member.size or replicated.sum() <= 0.0:
         return 0.0, 0.0, 1.0

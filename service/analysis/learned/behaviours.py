@@ -20,7 +20,11 @@ from service.analysis.learned.words import rate_sentence
 
 @dataclass(frozen=True)
 class Kind:
-    """A rate: above over below, times `scale`; counted: of events that may be few; says: for more and for less."""
+    """A rate: above over below, times `scale`.
+
+    counted: of events that may be few
+    says: for more and for less
+    """
 
     name: str
     what: str

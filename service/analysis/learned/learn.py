@@ -17,7 +17,11 @@ ROLLOUTS = 100  # run again under base and under proposal, for the behaviours
 
 
 def learned_of(run: str, record: JobRecord, rerunner: Rerunner, rollouts: int = ROLLOUTS) -> Learned:
-    """What the search of a job learned. run: what it is called; rollouts: to run again for each side (0: none)."""
+    """What the search of a job learned.
+
+    run: what it is called
+    rollouts: to run again for each side (0: none)
+    """
     confidence = record.estimate.confidence
     events = events_of(record)
     parametric = record.job.method == "ce" and record.proposal is not None

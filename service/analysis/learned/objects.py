@@ -26,8 +26,9 @@ class Parameter(msgspec.Struct, frozen=True, kw_only=True):
     """A start (or weather, or cause of a driver's error) that is random in the scenario, under P0 and as the search
     has it.
 
-    shift_sd: how far the mean has moved, in standard deviations under P0; shift_sd_ci: its interval; sentence: empty
-    where the shift may be chance or is too small to matter.
+    shift_sd: how far the mean has moved, in standard deviations under P0
+    shift_sd_ci: its interval
+    sentence: empty where the shift may be chance or is too small to matter
     """
 
     name: str
@@ -66,8 +67,9 @@ class Learned(msgspec.Struct, frozen=True, kw_only=True):
     """What the search of a job learned.
 
     source: what `proposal` stands for: the distribution that the search drew its last rollouts from (method ce), or
-    the dangerous rollouts themselves, weighted so that they stand for P0 given the event; "none": there is neither
-    yet. effective: rollouts of equal weight that it rests on.
+        the dangerous rollouts themselves, weighted so that they stand for P0 given the event; "none": there is
+        neither yet
+    effective: rollouts of equal weight that it rests on
     """
 
     format: int = FORMAT

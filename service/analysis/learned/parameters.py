@@ -86,8 +86,9 @@ def parameters_of(
     ess: float | None,
     confidence: float,
 ) -> list[Parameter]:
-    """Every start, the weather and the drivers' causes; proposal: of which the second column is, else it is of the
-    draws.
+    """Every start, the weather and the drivers' causes.
+
+    proposal: of which the second column is, else it is of the draws
 
     The intervals hold together with the confidence asked for (Bonferroni).
     """

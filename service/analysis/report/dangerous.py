@@ -22,8 +22,9 @@ EXAMINED = 200  # dangerous rollouts at most that a report has run again and gro
 class ShownRollout:
     """A dangerous rollout, run once more.
 
-    trace: None where the run failed, for which `failure.error` has the reason; threat: the vehicle that the smallest
-    value is to, a row of the scenario's vehicles, None where it is background traffic.
+    trace: None where the run failed, for which `failure.error` has the reason
+    threat: the vehicle that the smallest value is to, a row of the scenario's vehicles, None where it is background
+        traffic
     """
 
     record: JobRecord
@@ -55,7 +56,8 @@ def findings_of(
 ) -> Findings:
     """Run dangerous rollouts of a job again, and some of P0; `drawn`: how many to return the traces of.
 
-    opened: rerunners of jobs; folder: where what was run again is remembered.
+    opened: rerunners of jobs
+    folder: where what was run again is remembered
     """
     with opened(record.job) as rerunner:
         exposure = exposure_of(record.job, record.problem.base, rerunner, confidence, folder)

@@ -39,9 +39,11 @@ def report_of(
 ) -> Made:
     """The report of the jobs of a run, from their records alone: finished, interrupted, or still going on.
 
-    run: what it is called; drawn: dangerous rollouts to show, run again in `workers` processes (0: no SUMO, no failure
-    modes, no risk); folder: the run directory, where what was run again is remembered, None for a job of a
-    service; baseline: what the risk is held against; opened: rerunners of jobs, in place of `workers`.
+    run: what it is called
+    drawn: dangerous rollouts to show, run again in `workers` processes (0: no SUMO, no failure modes, no risk)
+    folder: the run directory, where what was run again is remembered, None for a job of a service
+    baseline: what the risk is held against
+    opened: rerunners of jobs, in place of `workers`
     """
     opened = opened or (lambda job: Rerunner(job, workers))
     seen = findings_of(run, most_informative(records), drawn, opened, folder) if drawn else Findings()

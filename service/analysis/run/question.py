@@ -49,8 +49,8 @@ def jobs_of(
 ) -> tuple[Job, ...]:
     """The jobs of a run, checked: one for each method, threshold and seed.
 
-    options: of the methods; each goes to those that have it, and one that none of them has is refused. meet: open the
-    ego once, so that what is wrong with it is told before a job begins.
+    options: of the methods; each goes to those that have it, and one that none of them has is refused
+    meet: open the ego once, so that what is wrong with it is told before a job begins
     """
     asked = scenario_of(scenario, measure, noise_mode)
     methods, gammas, seeds = _each(method, str), _each(gamma, int | float), _each(seed, int)

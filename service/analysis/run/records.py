@@ -11,7 +11,9 @@ from service.evaluation.store import RunDirectory
 def record_of(
     run: Path, job: str | None = None, gamma: float | None = None
 ) -> tuple[JobRecord, tuple[str, ...]]:
-    """The record of one job of a run directory, and the ids of all its jobs; gamma: another threshold than the job's.
+    """The record of one job of a run directory, and the ids of all its jobs.
+
+    gamma: another threshold than the job's
 
     Without an id: the job that has met the most dangerous rollouts, in effective numbers.
     """

@@ -15,7 +15,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ApiSettings:
-    """offered: scenario files that jobs may name; limits: NAME=VALUE; metrics: HOST:PORT; log_json: objects."""
+    """What `tailroad serve` is told of its API.
+
+    offered: scenario files that jobs may name
+    limits: NAME=VALUE
+    metrics: HOST:PORT
+    log_json: objects
+    """
 
     offered: tuple[str, ...]
     limits: tuple[str, ...]

@@ -33,8 +33,11 @@ SAME = (
 
 
 class Guard:
-    """Passes on what may pass. names: host names, beside localhost and any IP address, that browsers may call this by;
-    read_only: nothing may be changed."""
+    """Passes on what may pass.
+
+    names: host names, beside localhost and any IP address, that browsers may call this by
+    read_only: nothing may be changed
+    """
 
     def __init__(self, app: ASGIApp, names: Iterable[str] = (), read_only: bool = False):
         self._app, self._read_only = app, read_only

@@ -23,8 +23,11 @@ WELL_S, LOST_S = 5.0, 1.0  # between two looks at the service, while it answers 
 
 
 class Link:
-    """Asks through a client, which must not wait for long answers. changed: called in a thread with whether the service
-    is there, each time that this changes or another service answers in its place."""
+    """Asks through a client, which must not wait for long answers.
+
+    changed: called in a thread with whether the service is there, each time that this changes or another service
+        answers in its place
+    """
 
     def __init__(self, client: Client, changed: Callable[[bool], None] = lambda here: None):
         self._client, self._changed = client, changed

@@ -93,8 +93,10 @@ class EventLog:
 
 
 class Live:
-    """Hears all jobs and tells all listeners. changed: called in the loop before they are told of a job's new status or
-    batch."""
+    """Hears all jobs and tells all listeners.
+
+    changed: called in the loop before they are told of a job's new status or batch
+    """
 
     def __init__(self, client: Client, rates: Rates, changed: Callable[[], None] = lambda: None):
         self._client, self._rates, self._changed = client, rates, changed
@@ -128,8 +130,10 @@ class Live:
         return self._events.mark
 
     async def stream(self, job: str | None, here: bool | None, since: str) -> AsyncIterator[bytes]:
-        """Events of one job, or of all, as text/event-stream, those after the mark `since` first. here: what
-        is known of the service now."""
+        """Events of one job, or of all, as text/event-stream, those after the mark `since` first.
+
+        here: what is known of the service now
+        """
         listener = Listener()
         listener.link = here
         missed = self._events.since(since)
@@ -203,6 +207,9 @@ class Live:
 
 
 def _event(name: str, data: object, mark: str = "") -> bytes:
-    """mark: where a browser that loses the connection goes on (Last-Event-ID)."""
+    """A server-sent event as bytes.
+
+    mark: where a browser that loses the connection goes on (Last-Event-ID)
+    """
     number = f"id: {mark}\n" if mark else ""
     return f"{number}event: {name}\ndata: {json.dumps(data)}\n\n".encode()

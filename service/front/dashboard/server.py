@@ -20,8 +20,10 @@ DRAIN_S = 1  # for pages that are being answered when it ends
 
 
 class Dashboard:
-    """Serves browsers at host:port (port 0: any free one; `port` says which) until stopped. client: must not wait for
-    long answers (patience_s=0)."""
+    """Serves browsers at host:port (port 0: any free one; `port` says which) until stopped.
+
+    client: must not wait for long answers (patience_s=0)
+    """
 
     def __init__(
         self, client: Client, host: str, port: int, names: Sequence[str] = (), read_only: bool = False

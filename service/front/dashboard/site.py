@@ -34,8 +34,13 @@ STATUS_KINDS = ("status",)
 
 @dataclass(frozen=True)
 class Part:
-    """load: what its template parts/NAME.html needs, with again_s where it is not all there yet; kinds: of events after
-    which it is drawn again; label: for those who hear the page; every_s: drawn again so often in any case."""
+    """A part of a page that is drawn again by itself.
+
+    load: what its template parts/NAME.html needs, with again_s where it is not all there yet
+    kinds: of events after which it is drawn again
+    label: for those who hear the page
+    every_s: drawn again so often in any case
+    """
 
     name: str
     label: str

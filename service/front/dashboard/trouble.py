@@ -17,7 +17,11 @@ PASSING = {
 
 @dataclass(frozen=True)
 class Trouble:
-    """again_s: the same may go well after so many seconds; working: it only takes a while."""
+    """What an error page says.
+
+    again_s: the same may go well after so many seconds
+    working: it only takes a while
+    """
 
     status: int
     title: str

@@ -51,7 +51,11 @@ class Batch(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
 
 class Cell(msgspec.Struct, frozen=True, kw_only=True):
-    """One question of a batch. scenario: as the file names it; content: of its file, where it is one."""
+    """One question of a batch.
+
+    scenario: as the file names it
+    content: of its file, where it is one
+    """
 
     scenario: str
     ego: str

@@ -12,7 +12,11 @@ Verdict = Literal["below", "above", "not-below", "inconclusive", "not-run", "est
 
 
 class Result(msgspec.Struct, frozen=True, kw_only=True):
-    """What a cell came to. at: its run directory or its job; reason: why there is no estimate."""
+    """What a cell came to.
+
+    at: its run directory or its job
+    reason: why there is no estimate
+    """
 
     scenario: str
     ego: str
@@ -64,8 +68,11 @@ def result_of(
 
 
 def _verdict(found: Result, limit: float | None) -> Verdict:
-    """above, below: the whole interval lies there; not-below: its upper end does not; inconclusive: it would lie below,
-    but cannot be relied on."""
+    """A cell's verdict against the limit.
+
+    above, below: the whole interval lies there; not-below: its upper end does not; inconclusive: it would lie below,
+    but cannot be relied on.
+    """
     if limit is None:
         return "estimated"
     if found.low is None or found.high is None or found.p is None:

@@ -14,8 +14,11 @@ RETRY_S = 1.0
 
 
 class Background:
-    """One thread and its last answers. wait_s: how long an asker waits before it is told to ask again; most: that may
-    wait to be computed."""
+    """One thread and its last answers.
+
+    wait_s: how long an asker waits before it is told to ask again
+    most: that may wait to be computed
+    """
 
     def __init__(self, wait_s: float, most: int = 16):
         self._wait_s, self._most = wait_s, most

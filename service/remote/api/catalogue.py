@@ -26,7 +26,11 @@ NOWHERE = Path("/nonexistent")  # no path in it is ever followed
 
 
 class Catalogue:
-    """offered: files of the owner's own scenarios; services: names of the ego services that are there now."""
+    """What jobs may name.
+
+    offered: files of the owner's own scenarios
+    services: names of the ego services that are there now
+    """
 
     def __init__(self, offered: Sequence[str] = (), services: Callable[[], Sequence[str]] = lambda: ()):
         self._built_in = {name: load_scenario(name) for name in built_in_names()}

@@ -8,13 +8,24 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Limits:
-    """body_bytes: of a request; requests_per_s, submissions_per_s: of all clients together, `burst` times as many at
-    once; open_jobs: not over; open_bytes: memory that open jobs may hold together, beyond which jobs wait; budget:
-    rollouts of a job; batch_rows: of a batch, as all of it is held in memory; pending: requests that wait for an
-    answer; threads: that answer; examine: dangerous rollouts that are run again for one answer; rerun_procs: processes
-    that do; rerun_jobs: jobs whose processes wait for the next such question, for rerun_idle_s at most; wait_s: for an
-    answer that is being computed; camera_pictures: of one rollout, camera_width_px wide; compared: jobs in one
-    comparison; answer_bytes: of a file."""
+    """What all clients together may ask for.
+
+    body_bytes: of a request
+    requests_per_s, submissions_per_s: of all clients together, `burst` times as many at once
+    open_jobs: not over
+    open_bytes: memory that open jobs may hold together, beyond which jobs wait
+    budget: rollouts of a job
+    batch_rows: of a batch, as all of it is held in memory
+    pending: requests that wait for an answer
+    threads: that answer
+    examine: dangerous rollouts that are run again for one answer
+    rerun_procs: processes that do
+    rerun_jobs: jobs whose processes wait for the next such question, for rerun_idle_s at most
+    wait_s: for an answer that is being computed
+    camera_pictures: of one rollout, camera_width_px wide
+    compared: jobs in one comparison
+    answer_bytes: of a file
+    """
 
     body_bytes: int = 1_000_000
     requests_per_s: float = 200.0

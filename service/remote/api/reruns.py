@@ -14,7 +14,11 @@ from service.evaluation.job import Job
 
 
 class Reruns:
-    """Rerunners by job. procs: of each; most: jobs whose processes wait unused; idle_s: how long at most.
+    """Rerunners by job.
+
+    procs: of each
+    most: jobs whose processes wait unused
+    idle_s: how long at most
 
     One that is in use is nobody else's: of two who ask for one job at a time each gets its own.
     """

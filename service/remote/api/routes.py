@@ -32,9 +32,14 @@ TOPS = (
 
 @dataclass(frozen=True)
 class Route:
-    """key: its parts in braces are names; action: of the application, called with the parameters and those names;
-    answers: None where it is a file of one of `media`; body: what a payload must be (None: a payload is refused);
-    order: does something, so that only the exact key will do."""
+    """A key of the API.
+
+    key: its parts in braces are names
+    action: of the application, called with the parameters and those names
+    answers: None where it is a file of one of `media`
+    body: what a payload must be (None: a payload is refused)
+    order: does something, so that only the exact key will do
+    """
 
     key: str
     does: str

@@ -30,8 +30,10 @@ T = TypeVar("T")
 
 
 class Client:
-    """A client of the service at one of the endpoints; a context manager. timeout_s: for an answer; patience_s: for one
-    that the service still computes, and for one that comes late while a job is watched.
+    """A client of the service at one of the endpoints; a context manager.
+
+    timeout_s: for an answer
+    patience_s: for one that the service still computes, and for one that comes late while a job is watched
 
     Methods may be called from any thread. They raise Refused where the service refuses, NoAnswer where nobody answers
     in time.

@@ -35,8 +35,10 @@ class Subscription:
 
 
 class Line:
-    """A session with the service at one of the endpoints, opened when first needed; timeout_s: for a connection, and
-    for an answer."""
+    """A session with the service at one of the endpoints, opened when first needed.
+
+    timeout_s: for a connection, and for an answer
+    """
 
     def __init__(self, connect: Sequence[str], zenoh_config: str | None, timeout_s: float):
         self._connect, self._config, self._timeout_s = list(connect), zenoh_config, timeout_s

@@ -14,8 +14,12 @@ class Assignment:
         self._policy, self._workers, self._auditing = state.policy, state.workers, state.auditing
 
     def assign(self, slots: list[tuple[str, int]] | None = None, copies: bool = False) -> None:
-        """Give work to these slots, or to all that wait; copies: of stragglers, too. Nothing is given out while the
-        database takes nothing."""
+        """Give work to these slots, or to all that wait.
+
+        copies: of stragglers, too
+
+        Nothing is given out while the database takes nothing.
+        """
         if self._state.trouble:
             return
         late = self._stragglers() if copies and self._workers.waiting else []

@@ -11,7 +11,12 @@ OPINIONS = 3  # that all differ: the rollouts are not reproducible
 
 @dataclass
 class Audit:
-    """opinions: the bits by worker; counted: whose answer is in the record, of `epoch`; lease: of who runs it now."""
+    """A chunk that is run by more than one worker and compared.
+
+    opinions: the bits by worker
+    counted: whose answer is in the record, of `epoch`
+    lease: of who runs it now
+    """
 
     key: ChunkKey
     rows: Drawn | Explicit

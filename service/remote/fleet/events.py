@@ -15,8 +15,11 @@ from service.remote.fleet.messages import Answer, Ask, Bye, Failed, Hello, Reply
 @dataclass(frozen=True)
 class Submitted:
     """A job of the database, new or from before a restart. Of two jobs the one of higher priority goes first; jobs of
-    one priority share the workers by weight. audited: the same rollout has the same bits on any worker; held_bytes:
-    memory that it takes while it is open, at most."""
+    one priority share the workers by weight.
+
+    audited: the same rollout has the same bits on any worker
+    held_bytes: memory that it takes while it is open, at most
+    """
 
     job: str
     ego: str
@@ -136,8 +139,10 @@ Event = (
 
 @dataclass(frozen=True)
 class Open:
-    """Replay the job's record from its beginning; answer with Opened or Broken. generation: tells answers to this from
-    answers to an earlier one."""
+    """Replay the job's record from its beginning; answer with Opened or Broken.
+
+    generation: tells answers to this from answers to an earlier one
+    """
 
     job: str
     generation: int

@@ -83,8 +83,11 @@ class Answer(_Message, frozen=True, tag="answer"):
 
 
 class Failed(_Message, frozen=True, tag="failed"):
-    """The chunk was not run. refused: this worker cannot run the job at all; explicit: it needs the rows' x, its own
-    draw gives others."""
+    """The chunk was not run.
+
+    refused: this worker cannot run the job at all
+    explicit: it needs the rows' x, its own draw gives others
+    """
 
     worker: str
     lease: int
@@ -138,13 +141,22 @@ class JobSpec(_Message, frozen=True, tag="job"):
 
 
 class Noted(_Message, frozen=True, tag="noted"):
-    """counted: the answer was the first for its chunk."""
+    """The scheduler has taken an answer.
+
+    counted: the answer was the first for its chunk
+    """
 
     counted: bool
 
 
 class Refused(_Message, frozen=True, tag="refused"):
-    """again: later the answer may be another; unknown: say hello first. Neither: this worker is not wanted."""
+    """The scheduler has no work for this worker.
+
+    again: later the answer may be another
+    unknown: say hello first
+
+    Neither: this worker is not wanted.
+    """
 
     reason: str
     again: bool = False

@@ -8,8 +8,11 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Range:
-    """Rows [start, stop). whole: has been out before and goes out as it is, so that a late answer fits; losses: times
-    that whoever ran it was lost."""
+    """Rows [start, stop).
+
+    whole: has been out before and goes out as it is, so that a late answer fits
+    losses: times that whoever ran it was lost
+    """
 
     start: int
     stop: int

@@ -5,14 +5,20 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Policy:
-    """chunk_s, least_chunk_s: worker time of a chunk, in general and at the end of a batch; first_rows,
-    first_limit_s: of a job whose rollouts nobody has timed yet, compilation included; limit_s, limit_factor: a lease
-    ends after that long, or that multiple of the time expected; copy_s, copy_factor: a chunk that is out for longer is
-    given to a second worker, where there is nothing else to do; hold_s: how long a question for work may wait; losses:
-    of a chunk, before it is split or its rollout given up; audit_share: of the chunks, run again by a second worker;
-    open_audits: of a job at most; sticky_s: how far a worker may stay with its job beyond the job's share, as a change
-    costs it a second; garbled: messages from a worker before it is quarantined; progress_s: between two tellings of it;
-    open_bytes: that open jobs may hold together (service.evaluation.job.held_bytes), beyond which jobs wait.
+    """The scheduler's settings: sizes of chunks, limits of leases, copies and audits.
+
+    chunk_s, least_chunk_s: worker time of a chunk, in general and at the end of a batch
+    first_rows, first_limit_s: of a job whose rollouts nobody has timed yet, compilation included
+    limit_s, limit_factor: a lease ends after that long, or that multiple of the time expected
+    copy_s, copy_factor: a chunk that is out for longer is given to a second worker, where there is nothing else to do
+    hold_s: how long a question for work may wait
+    losses: of a chunk, before it is split or its rollout given up
+    audit_share: of the chunks, run again by a second worker
+    open_audits: of a job at most
+    sticky_s: how far a worker may stay with its job beyond the job's share, as a change costs it a second
+    garbled: messages from a worker before it is quarantined
+    progress_s: between two tellings of it
+    open_bytes: that open jobs may hold together (service.evaluation.job.held_bytes), beyond which jobs wait
     """
 
     chunk_s: float = 1.0

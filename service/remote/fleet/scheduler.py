@@ -35,7 +35,11 @@ from service.remote.fleet.workers import Workers
 
 
 class Scheduler:
-    """versions: what a worker must be made of (service.remote.fleet.versions); secret: decides what is audited."""
+    """The scheduler as a state machine: events in, instructions out.
+
+    versions: what a worker must be made of (service.remote.fleet.versions)
+    secret: decides what is audited
+    """
 
     def __init__(
         self,

@@ -38,8 +38,9 @@ class Stopping(StoreError):
 class _Read:
     """The last step, without its batch, of a job that the hub does not have at work.
 
-    finished: the algorithm has nothing left to propose; mark: of the record that the step is of, None where the hub has
-    left it here: then it is finished, and nothing but a new epoch changes it.
+    finished: the algorithm has nothing left to propose
+    mark: of the record that the step is of, None where the hub has left it here: then it is finished, and nothing but
+        a new epoch changes it
     """
 
     step: BatchStep

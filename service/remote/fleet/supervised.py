@@ -15,8 +15,9 @@ FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 30.0
 class SupervisedProcess:
     """The `tailroad` command with these arguments and `--parent` with this process's id; `name`: in messages.
 
-    drain_s: for what it is doing when it is told to stop; environment: beside this process's; final: exit codes after
-    which it is not started again.
+    drain_s: for what it is doing when it is told to stop
+    environment: beside this process's
+    final: exit codes after which it is not started again
     """
 
     def __init__(

@@ -8,7 +8,10 @@ from service.remote.fleet.messages import ChunkKey
 
 @dataclass(frozen=True)
 class Ticket:
-    """request: who waits to hear that it is recorded."""
+    """A request that is answered once what it brought is recorded.
+
+    request: who waits to hear that it is recorded
+    """
 
     key: ChunkKey
     chunk: Chunk

@@ -31,9 +31,13 @@ class Waiting:
 
 @dataclass
 class Tally:
-    """What became of chunks since the scheduler began. lost: taken back without an answer, because the worker was gone
-    or its time was up; copied: given to a second worker because the first took long; audited: run again by another
-    worker and judged; wrong: of those, values that were not the others'."""
+    """What became of chunks since the scheduler began.
+
+    lost: taken back without an answer, because the worker was gone or its time was up
+    copied: given to a second worker because the first took long
+    audited: run again by another worker and judged
+    wrong: of those, values that were not the others'
+    """
 
     lost: int = 0
     copied: int = 0

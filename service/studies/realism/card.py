@@ -42,8 +42,13 @@ HISTOGRAM_PROTOCOL = "twenty"
 
 @dataclass(frozen=True)
 class Settings:
-    """weights: a shipped name or a path; data: the pack's folder or one of imported tables; samples: rollouts a window
-    of a stochastic model; with_krauss: SUMO's driver takes minutes."""
+    """What a realism card is made of.
+
+    weights: a shipped name or a path
+    data: the pack's folder or one of imported tables
+    samples: rollouts a window of a stochastic model
+    with_krauss: SUMO's driver takes minutes
+    """
 
     weights: str
     data: Path

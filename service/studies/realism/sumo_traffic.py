@@ -18,7 +18,10 @@ class SumoTraffic:
     """
 
     def __init__(self, corridor: Corridor, step_s: float, seed: int, insert_anyhow: bool = True):
-        """insert_anyhow: vehicles appear where they are added; otherwise when SUMO finds it safe."""
+        """Begin a simulation of an empty road.
+
+        insert_anyhow: vehicles appear where they are added; otherwise when SUMO finds it safe
+        """
         self._corridor = corridor
         options = [*options_for(corridor, step_s), "--seed", str(seed % 2**31)]
         if insert_anyhow:

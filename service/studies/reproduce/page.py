@@ -19,7 +19,10 @@ SOFTWARE = ("tailroad", "libsumo", "numpy", "scipy", "numba")
 
 
 class Page(NamedTuple):
-    """name: of its file, and of the folder beside it with the pictures (by file name) and the results."""
+    """A page of results and what lies beside it.
+
+    name: of its file, and of the folder beside it with the pictures (by file name) and the results
+    """
 
     name: str
     title: str

@@ -44,9 +44,13 @@ def ratio_of_variances(
 ) -> Ratio:
     """Variance of naive Monte Carlo with `rollouts` over an estimator's (Figures 2b and 3b).
 
-    p: the best known, p_error: its relative standard error; variance_error: that of std_error squared. rollouts:
-    those of the estimation for the paper's ratio, all of them for the efficiency. The interval is of the logarithm, by
-    the delta method; where a few events carry the variance it is too narrow, which the run's warnings say.
+    p: the best known
+    p_error: its relative standard error
+    variance_error: that of std_error squared
+    rollouts: those of the estimation for the paper's ratio, all of them for the efficiency
+
+    The interval is of the logarithm, by the delta method; where a few events carry the variance it is too narrow,
+    which the run's warnings say.
     """
     if not std_error or variance_error is None or not p > 0.0:
         return UNKNOWN

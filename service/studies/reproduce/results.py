@@ -26,7 +26,11 @@ class Reading(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Result(msgspec.Struct, frozen=True, kw_only=True):
-    """wall_s: of the sitting that finished it; worker_s, sim_s: of all its rollouts."""
+    """What a run of a plan came to.
+
+    wall_s: of the sitting that finished it
+    worker_s, sim_s: of all its rollouts
+    """
 
     run: Run
     method: str

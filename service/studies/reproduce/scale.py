@@ -45,8 +45,11 @@ EGO = "lidar"
 
 
 class FleetTiming(msgspec.Struct, frozen=True, kw_only=True):
-    """What a fleet of so many workers came to. efficiency: the job's rollouts' own time over workers x makespan; busy:
-    share of the makespan that the scheduler and the statistics were busy for."""
+    """What a fleet of so many workers came to.
+
+    efficiency: the job's rollouts' own time over workers x makespan
+    busy: share of the makespan that the scheduler and the statistics were busy for
+    """
 
     workers: int
     rollouts: int

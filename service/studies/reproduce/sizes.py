@@ -20,8 +20,13 @@ class Search:
 
 @dataclass(frozen=True)
 class Size:
-    """truth: naive rollouts of the ground truth; search: of each cross-entropy run, and as many rollouts in all of each
-    of our own estimators; rhos: quantile levels of Figure 2; seeds: how often every run is repeated."""
+    """How large an experiment of the paper is.
+
+    truth: naive rollouts of the ground truth
+    search: of each cross-entropy run, and as many rollouts in all of each of our own estimators
+    rhos: quantile levels of Figure 2
+    seeds: how often every run is repeated
+    """
 
     truth: int
     search: Search
@@ -31,8 +36,12 @@ class Size:
 
 @dataclass(frozen=True)
 class Ours:
-    """Our own estimators. truth: rollouts of the ground truth; gammas: the thresholds aimed at; series: those that are
-    run, `seeds` times each, with `budget` rollouts."""
+    """Our own estimators.
+
+    truth: rollouts of the ground truth
+    gammas: the thresholds aimed at
+    series: those that are run, `seeds` times each, with `budget` rollouts
+    """
 
     truth: int
     gammas: tuple[float, ...]

@@ -161,8 +161,9 @@ def collect(stage: Stage, bodies: Bodies, poses: np.ndarray, own: int, camera: n
             out: np.ndarray) -> int:  # fmt: skip
     """Fill `out` (n, POLYGON) and return the count.
 
-    Row 0 is the open country's colour; then come the ground in order, shadows, and the solids. poses: (n, 6); `own` is
-    the row that carries the camera and is not drawn, or -1.
+    Row 0 is the open country's colour; then come the ground in order, shadows, and the solids.
+
+    poses: (n, 6); `own` is the row that carries the camera and is not drawn, or -1
     """
     for c in range(3):
         out[0, COLOUR + c] = stage.country[c] * camera[GROUND_LIGHT + c]

@@ -148,9 +148,13 @@ def draw(polygons: np.ndarray, count: int, camera: np.ndarray, through_air: np.n
          labels: np.ndarray, left: np.ndarray, right: np.ndarray) -> None:  # fmt: skip
     """Draw polygons[:count] into rows [first, last) of the picture: the ground in order, then solids by depth.
 
-    Row 0 of polygons is the open country, everything below the horizon. rows, beams: see `row_table`, `beam_table`. The
-    buffers hold these rows alone: colours (n w,) uint32, as bytes R, G, B, 0, depths (n w,) float32, as 1/z, and labels
-    (n w,) uint16, or (0,) where none are wanted; left, right: (h,) scratch. The sky is there already.
+    Row 0 of polygons is the open country, everything below the horizon.
+
+    rows, beams: see `row_table`, `beam_table`. The buffers hold these rows alone: colours (n w,) uint32, as bytes R,
+        G, B, 0, depths (n w,) float32, as 1/z, and labels (n w,) uint16, or (0,) where none are wanted
+    left, right: (h,) scratch
+
+    The sky is there already.
     """
     width, height = int(camera[WIDTH]), camera[HEIGHT]
     lit, step_m = camera[HEADLIGHT] > 0.0, camera[RANGE_STEP_M]

@@ -77,8 +77,8 @@ class Camera:
     ) -> np.ndarray:
         """The picture (h, w, 3) uint8 RGB that the vehicle in row `ego` takes.
 
-        poses: (n, 6) float64, see `poses_of`. seed and frame number decide the sensor's noise and where raindrops are:
-        the same arguments give the same bits.
+        poses: (n, 6) float64, see `poses_of`. seed and frame number decide the sensor's noise and where raindrops
+            are: the same arguments give the same bits.
         """
         self._draw(scene, poses, ego, weather, False)
         return self._finished(scene, poses, ego, seed, frame)

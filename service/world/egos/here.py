@@ -22,7 +22,9 @@ _made_by: dict[str, Callable[[], Any]] = {}
 
 
 def ego_name(ego: Any, name: str | None = None) -> str:
-    """What jobs call this ego. ego: a name, a class, a function that makes one, or one itself.
+    """What jobs call this ego.
+
+    ego: a name, a class, a function that makes one, or one itself
 
     A name, and a class that another process can import, may run in any worker of this process; everything else is held
     here as `here:NAME` (name: instead of its own). InputError for what is no ego.

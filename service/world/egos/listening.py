@@ -26,8 +26,9 @@ class Answers(Protocol):
 class Listening:
     """A service on the network; use as a context manager.
 
-    listen: an address that workers connect to, loopback by default. connect: a Zenoh router to go through instead.
-    config: a Zenoh configuration file in place of the addresses.
+    listen: an address that workers connect to, loopback by default
+    connect: a Zenoh router to go through instead
+    config: a Zenoh configuration file in place of the addresses
     """
 
     def __init__(

@@ -37,7 +37,10 @@ class RemoteEgo:
         step_s: float,
         open_line: OpenLine = ZenohLine,
     ):
-        """name: the service's, without `zenoh:`. Nothing is connected before it is needed."""
+        """Prepare an ego that is a service; nothing is connected before it is needed.
+
+        name: the service's, without `zenoh:`
+        """
         self.name = f"zenoh:{name}"
         self._peer = Peer(name, settings, scenario, step_s, open_line)
         self._road = road

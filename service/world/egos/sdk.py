@@ -198,9 +198,11 @@ class Service(Listening):
 def serve(make_ego: Callable[[], Any], name: str, **options: Any) -> None:
     """Answer workers until interrupted.
 
-    make_ego: called for each worker; a class will do. Options: listen: an address that workers connect to, loopback by
-    default. connect: a Zenoh router to go through instead. camera: None, "raw" or "jpeg". route: whether the lane ahead
-    is wanted. config: a Zenoh configuration file in place of the addresses (TLS, access control).
+    make_ego: called for each worker; a class will do
+
+    Options: listen: an address that workers connect to, loopback by default. connect: a Zenoh router to go through
+    instead. camera: None, "raw" or "jpeg". route: whether the lane ahead is wanted. config: a Zenoh configuration
+    file in place of the addresses (TLS, access control).
     """
     with Service(make_ego, name, **options) as service, contextlib.suppress(KeyboardInterrupt):
         print(f"ego service {name!r} is ready", flush=True)

@@ -50,7 +50,9 @@ def clearance(agents: np.ndarray, count: int, ego: int) -> float:
 def _narrow(gap: float, speed: float, reach: float, entry: float, leave: float) -> tuple[float, float]:
     """The times [entry, leave] in which the boxes overlap along one more axis.
 
-    gap: of the centres along it (m); speed: its rate (m/s); reach: half the boxes' extents together (m).
+    gap: of the centres along it (m)
+    speed: its rate (m/s)
+    reach: half the boxes' extents together (m)
     """
     if abs(speed) < PARALLEL_MPS:
         if abs(gap) > reach:

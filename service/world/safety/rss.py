@@ -52,7 +52,7 @@ def rss_margin(agents: np.ndarray, count: int, ego: int, rss: np.ndarray, which:
     """Smallest margin (m) of the ego over all others; inf where there is none to be compared.
 
     which: BOTH, the larger of a pair's two margins; ALONG, that along the road, of vehicles in each other's way;
-    ACROSS, that across it, of vehicles side by side.
+        ACROSS, that across it, of vehicles side by side
     """
     smallest = math.inf
     for j in range(count):

@@ -63,9 +63,10 @@ def scan(
 ) -> None:
     """Fill `ranges` (m) and `rates` (m/s) of vehicle `own` against the first `count` rows of `agents`.
 
-    ranges, rates: (beams,). A beam that hits nothing within `limit_m` has range `limit_m` and rate 0. The rate is
-    the hit vehicle's velocity relative to the own one along the beam (what a Doppler sensor sees), negative when
-    closing.
+    ranges, rates: (beams,)
+
+    A beam that hits nothing within `limit_m` has range `limit_m` and rate 0. The rate is the hit vehicle's velocity
+    relative to the own one along the beam (what a Doppler sensor sees), negative when closing.
     """
     for b in range(beams.shape[0]):
         ranges[b] = limit_m

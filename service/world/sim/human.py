@@ -71,8 +71,9 @@ def advance_human(
 ) -> None:  # fmt: skip
     """Move every active controlled vehicle by one step, the drivers as people do.
 
-    happens: (controlled, 4), this step's row of `service.world.sim.latent`; minds: (controlled, M.COLUMNS), updated;
-    traits: see `traits_of`; the rest as `service.world.sim.step.advance_all` has it.
+    happens: (controlled, 4), this step's row of `service.world.sim.latent`
+    minds: (controlled, M.COLUMNS), updated
+    traits: see `traits_of`; the rest as `service.world.sim.step.advance_all` has it
     """
     outputs = np.empty(layout.OUTPUTS, np.float32)
     seen = np.zeros((count, C.SEEN))

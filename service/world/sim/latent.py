@@ -107,7 +107,11 @@ def _realise(
     amplitudes: np.ndarray, dt_s: float, hazard: float, median_s: float, sigma: float, long_s: float, leak_below: float,
     leak_share: float, table: np.ndarray,
 ) -> None:  # fmt: skip
-    """Fill `table` (steps, vehicles, 4); modes: (2, window, m), roots: (2, m); leak_below: a normal below it leaks."""
+    """Fill `table` (steps, vehicles, 4).
+
+    modes: (2, window, m), roots: (2, m)
+    leak_below: a normal below it leaks
+    """
     steps, vehicles = normals.shape[0], normals.shape[1]
     window, count = min(modes.shape[1], steps), modes.shape[2]
     for i in range(vehicles):

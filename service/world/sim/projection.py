@@ -45,9 +45,11 @@ def _invites(lanes: np.ndarray, lane: int, here: int, ahead: int) -> float:
 def locate(agent: np.ndarray, reference: np.ndarray, lanes: np.ndarray, spacing_m: float) -> None:
     """Update a vehicle's station, offset, lane and flags from its position and heading.
 
-    reference: (stations, 8); lanes: (stations, lanes, 3) left and right boundary offsets, NaN where a lane does
-    not exist, and 1 where it is reserved (high-occupancy vehicles): the flags do not invite into such a lane. A
-    vehicle is off the road when its centre lies beyond the outermost markings, or before the start.
+    reference: (stations, 8)
+    lanes: (stations, lanes, 3) left and right boundary offsets, NaN where a lane does not exist, and 1 where it is
+        reserved (high-occupancy vehicles): the flags do not invite into such a lane
+
+    A vehicle is off the road when its centre lies beyond the outermost markings, or before the start.
     """
     last = reference.shape[0] - 1
     k = int(agent[A.STATION])

@@ -134,7 +134,11 @@ class Simulator:
         gui: bool = False,
         open_camera: "Callable[[], FrameSource] | None" = None,
     ):
-        """open_camera: makes the camera of an ego that wants one; default: one that renders in this process."""
+        """Open SUMO with the scenario's road and vehicles.
+
+        open_camera: makes the camera of an ego that wants one
+        default: one that renders in this process
+        """
         self._scenario = scenario
         self._ego = ego
         self._steps = scenario.steps

@@ -46,9 +46,14 @@ class SumoSession:
         gui: str | None = None,
         follower: tuple[str, str] | None = None,
     ):
-        """names, sizes: each controlled vehicle's id and (length, width) in m. fcd: floating-car data file. gui: the
-        vehicle that SUMO's own GUI follows, in a window and at real time; SimulationError where there is none.
-        follower: a controlled vehicle and the car-following model that `follow_speed` asks for it."""
+        """Start SUMO with the corridor's network.
+
+        names, sizes: each controlled vehicle's id and (length, width) in m
+        fcd: floating-car data file
+        gui: the vehicle that SUMO's own GUI follows, in a window and at real time; SimulationError where there is
+            none
+        follower: a controlled vehicle and the car-following model that `follow_speed` asks for it
+        """
         self._corridor = corridor
         self._names = list(names)
         self._types = [f"controlled-{name}" for name in names]

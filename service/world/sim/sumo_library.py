@@ -33,7 +33,9 @@ def options_for(corridor: Corridor, step_s: float) -> list[str]:
 
 
 def open_simulation(owner: object, options: list[str], gui: bool = False) -> Any:
-    """SUMO with a simulation started, `owner`'s until `close_simulation`. gui: in a window, at real time.
+    """SUMO with a simulation started, `owner`'s until `close_simulation`.
+
+    gui: in a window, at real time
 
     SimulationError while another's is open, where SUMO refuses the options, and where there is no window to be had.
     """

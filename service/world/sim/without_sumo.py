@@ -82,8 +82,8 @@ def drive(
     """The smallest value of the measure, how the ego ended (service.world.sim.step) and the steps driven.
 
     action_noise: (steps, vehicles, 2) standard normals, or (steps, vehicles, 4) of `service.world.sim.latent` where
-    `traits` says that the drivers are human; minds, traits: see `service.world.sim.human`; the rest as
-    `service.world.sim.step` has it.
+        `traits` says that the drivers are human
+    minds, traits: see `service.world.sim.human`; the rest as `service.world.sim.step` has it
     """
     outputs = np.empty(OUTPUTS, np.float32)
     status, smallest = observe(

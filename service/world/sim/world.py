@@ -53,7 +53,10 @@ class World:
         background_rows: int = 0,
         traits: np.ndarray | None = None,
     ):
-        """traits: of human drivers (`service.world.sim.human`); None or empty: the network drives alone."""
+        """Make room for the vehicles of one rollout.
+
+        traits: of human drivers (`service.world.sim.human`); None or empty: the network drives alone
+        """
         self.road = road
         self.vehicles = vehicles
         self.ego = ego

@@ -7,8 +7,11 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Series:
-    """One line, or points. Values that are not known are None. low, high: an interval around each; tone: one of the
-    page's colours, 1 to 4, or 0 for what is compared against."""
+    """One line, or points. Values that are not known are None.
+
+    low, high: an interval around each
+    tone: one of the page's colours, 1 to 4, or 0 for what is compared against
+    """
 
     name: str
     x: Sequence[float | None]
@@ -31,7 +34,10 @@ class Mark:
 
 @dataclass(frozen=True)
 class Chart:
-    """shows: what is to be seen, in a sentence, for those who do not see it."""
+    """What one chart shows.
+
+    shows: what is to be seen, in a sentence, for those who do not see it
+    """
 
     id: str
     title: str

@@ -22,7 +22,11 @@ MESSAGE_CHARS = 300  # characters of what a program that failed said last
 
 
 class Peer(msgspec.Struct, frozen=True):
-    """name; requirements: what is installed; script: what is run in its environment."""
+    """Another simulator to time beside ours.
+
+    requirements: what is installed
+    script: what is run in its environment
+    """
 
     name: str
     requirements: tuple[str, ...]
