@@ -98,15 +98,16 @@ drivers: $(VENV)/.installed-dev
 	@test -n "$(DATA)" || { echo "make drivers needs DATA=DIR: the data pack, or tables of 'tailroad data import'"; exit 2; }
 	OMP_NUM_THREADS=1 $(BIN)/tailroad train drivers-bc --data $(DATA) --out $(WEIGHTS) --seed 1
 	OMP_NUM_THREADS=1 $(BIN)/tailroad train drivers --data $(DATA) --out $(WEIGHTS) --seed 1
-	OMP_NUM_THREADS=1 $(BIN)/tailroad train ego-lidar --data $(DATA) --out $(WEIGHTS) --seed 1 \
-	  $(if $(ELSEWHERE),--drivers $(WEIGHTS)/drivers-gail.safetensors)
-	$(BIN)/tailroad train thresholds --scenario i80-paper-10s --ego lidar --ego idm --rollouts 100000 --splitting 20000 \
+	OMP_NUM_THREADS=1 $(BIN)/tailroad train ego-lidar --data $(DATA) --out $(WEIGHTS) --seed 1 --name lidar-paper \
+	  --demonstrator careful --scenario i80-paper-10s $(if $(ELSEWHERE),--drivers $(WEIGHTS)/drivers-gail.safetensors)
+	$(BIN)/tailroad train thresholds --scenario i80-paper-10s --ego lidar-paper --ego idm --rollouts 100000 --splitting 20000 \
 	  --seed 1 --out build/thresholds --card $(WEIGHTS)/drivers-gail.json $(if $(ELSEWHERE),--weights $(WEIGHTS))
 	$(BIN)/tailroad drivers card --weights $(WEIGHTS)/drivers-gail.safetensors --data $(DATA) --out deploy/cards --seed 1
 
 # It learns in our own world among the drivers, from no recordings; goes on where it was interrupted.
 ego-vision: $(VENV)/.installed-dev
-	OMP_NUM_THREADS=1 $(BIN)/tailroad train ego-vision --out $(WEIGHTS) --seed 1
+	OMP_NUM_THREADS=1 $(BIN)/tailroad train ego-vision --out $(WEIGHTS) --seed 1 --name vision-paper \
+	  --demonstrator careful
 
 # The example ego in Rust (needs cargo), and rollouts driven by it: minutes.
 example-ego: $(VENV)/.installed-dev

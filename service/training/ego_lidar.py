@@ -3,11 +3,15 @@
     tailroad train ego-lidar --data DIR --out DIR --seed 1
 
 It learns from the same recordings as the drivers, lane changes left out, by squared error, and from states that it
-reaches itself on the I-80 road, alone with its like and among the shipped drivers, labelled by an expert that keeps its
-lane, gives way to a neighbour who comes too close, and follows more carefully than the recorded average (CAREFUL
-below): it is meant to be a competent driver, not an average one. Written to --out:
-ego-lidar.safetensors with its card ego-lidar.json. Minutes on one core; an interrupted run continues after its last
-finished stage.
+reaches itself: on the I-80 road, alone with its like, and among the drivers of a scenario, half of the time with a
+slower vehicle that straddles the marking ahead or is about to. They are labelled by a demonstrator that keeps its lane,
+gives way to a neighbour who comes too close, follows more carefully than the recorded average (CAREFUL below) and
+avoids conflicts that it sees coming (service.training.demonstrator). Written to --out: ego-NAME.safetensors with its
+card ego-NAME.json. Minutes on one core; an interrupted run continues after its last finished stage.
+
+The ego of the paper's scenarios learned from the careful part of that demonstrator alone:
+
+    tailroad train ego-lidar --data DIR --out DIR --seed 1 --name lidar-paper --demonstrator careful
 """
 
 from collections.abc import Callable
@@ -23,12 +27,14 @@ from policies.layout import HEAD_SIZE, OUTPUTS
 from service.training import metrics
 from service.training.aggregation import visited, visited_among
 from service.training.demonstrations import AGGREGATED, Rows, joined
+from service.training.demonstrator import is_attentive
 from service.training.device import described
 from service.training.driver_figures import HORIZONS_S, mean_errors
 from service.training.expert import Expert, fit, lateral_speed, mean_action
 from service.training.lane_changes import KeepingExpert
 from service.training.network import ACTION_SCALE, DriverNet, exported, input_statistics, train
 from service.training.run import People, begin, recorded_people, ticks, versions
+from service.training.traffic import Traffic, policy_of
 from service.training.world import Network, drawn_from, network_of, weights_of
 from service.world.sim.road import Road, i80_road
 
@@ -38,6 +44,12 @@ CAREFUL = {
     "comfort_mps2": 1.5,
     "acceleration_mps2": 1.0,
     "lateral_rate_per_s": 0.6,
+}
+# What the demonstrator did not teach.
+SHOWN = {
+    "careful": "Its expert keeps its lane, follows its leader and moves over for a neighbour who comes too close; "
+    "it does not brake for a vehicle that is about to change into its lane.",
+    "attentive": "Its demonstrator saw every vehicle; the ego does what was right on average of what its lidar shows.",
 }
 CHANGING_MPS = (
     0.3  # recorded rows with more lateral speed belong to lane changes, which this ego does not make
@@ -52,7 +64,12 @@ class Arguments:
     data: Path  # the data pack's folder, or one of imported tables
     out: Path  # where the weights and their card go
     seed: int = 1
-    drivers: str = "drivers-gail"  # weights of the drivers around the ego
+    name: str = "lidar"  # of the ego: the weights are ego-NAME
+    demonstrator: str = (
+        "attentive"  # who labels what it sees among drivers: attentive, or careful (lidar-paper's)
+    )
+    scenario: str = "i80-10s"  # whose drivers are around it while it learns from the attentive demonstrator
+    drivers: str = "drivers-gail"  # weights of the drivers around it while it learns from the careful one
     rounds: int = 4  # of aggregation
     rollouts: int = 80  # of six egos, in each round
     among: int = 1200  # rollouts of one ego among drivers, in each round
@@ -63,7 +80,10 @@ class Arguments:
     batch: int = 1024
     recorded_share: float = 0.15  # of the rows in a batch
     perturbed_share: float = 0.15
-    check_rollouts: int = 10_000  # of the final check on the whole road
+    check_rollouts: int = (
+        10_000  # of the final check on the whole road, with lidar-paper's starts and drivers
+    )
+    contact_rollouts: int = 20_000  # of the final check in the scenario
     threads: int = 1
     device: str = "cpu"  # auto, cpu or cuda (service.training.device); the shipped weights are a CPU's
 
@@ -79,11 +99,12 @@ def main() -> None:
         expert = replace(fit(people.evidence, KeepingExpert()), **CAREFUL)
         road = i80_road()
         draw = drawn_from(network_of(model), model.mu0, model.sigma0)
+        visit = visits_of(arguments, expert, road, draw)
         net, aggregated = stages.get(
             "network",
             tuple[DriverNet, Rows],
             lambda: train_network(
-                arguments, people, expert, road, draw, visit_rng, train_rng, progress, run.device
+                arguments, people, expert, road, visit, visit_rng, train_rng, progress, run.device
             ),
         )
         network = exported(net, aggregated.seen)
@@ -95,18 +116,24 @@ def main() -> None:
             name: metrics.closed_loop(lambda _: network, part, HORIZONS_S, check_rng, samples=1, ego=True)
             for name, part in people.recordings.sites.items()
         }
+        with ticks(progress, "contacts", arguments.contact_rollouts) as tick:
+            contacts = Traffic(arguments.scenario).contacts(
+                policy_of(network), arguments.contact_rollouts, arguments.seed, tick
+            )
         held = people.held_out()
         behind = metrics.brakes_for_leader(quiet(network), road, check_rng)
 
     card = {
-        "name": "ego-lidar",
+        "name": f"ego-{arguments.name}",
         "what": "ego policy under test: network 51-200-100-2 on lidar and lane position, mean action, no noise",
-        "method": "behaviour cloning (squared error), noise injection, data set aggregation with a careful expert",
+        "method": "behaviour cloning (squared error), noise injection, data set aggregation; demonstrator: "
+        + arguments.demonstrator,
         **run.repeated_by(),
         "data": people.card((arguments.recorded_share, arguments.perturbed_share), aggregated),
         "expert": expert.as_dict(),
         "action_scale": ACTION_SCALE.tolist(),
         "metrics": {
+            "contacts": contacts,
             "p0_whole_road_among_drivers": {"drivers": arguments.drivers, **on_road},
             "behind_a_slower_vehicle": behind,
             "held_out_open_loop": {"rows": len(held), **mean_errors(network, held)},
@@ -114,8 +141,7 @@ def main() -> None:
         },
         "limits": [
             "Most of what it does on the almost empty road of the i80 scenario comes from the expert's labels.",
-            "Its expert keeps its lane, follows its leader and moves over for a neighbour who comes too close; "
-            "it does not brake for a vehicle that is about to change into its lane.",
+            SHOWN[arguments.demonstrator],
             "Twenty beams: a vehicle between two beams is not seen.",
         ],
         "versions": versions(),
@@ -123,8 +149,18 @@ def main() -> None:
         "training_s": run.elapsed_s(),
     }
     arrays = weights_of(network, quiet(network).head, np.zeros((HEAD_SIZE, HEAD_SIZE)))
-    path = save_drivers(arguments.out / "ego-lidar.safetensors", arrays, card)
+    path = save_drivers(arguments.out / f"ego-{arguments.name}.safetensors", arrays, card)
     run.finish(path, card)
+
+
+def visits_of(
+    arguments: Arguments, expert: Expert, road: Road, draw: Callable[[np.random.Generator], Network]
+) -> Callable[[Network, np.random.Generator], Rows]:
+    """What gives labelled moments that a network reaches among drivers; `draw` gives the careful one's drivers."""
+    if is_attentive(arguments.demonstrator):
+        traffic = Traffic(arguments.scenario)
+        return lambda network, rng: traffic.visited(network, expert, arguments.among, rng)
+    return lambda network, rng: labelled(visited_among(network, draw, road, arguments.among, rng), expert)
 
 
 def quiet(network: Network, log_std: float = -5.0) -> Network:
@@ -135,12 +171,17 @@ def quiet(network: Network, log_std: float = -5.0) -> Network:
     return network._replace(head=head.reshape(-1))
 
 
-def urgency(arguments: Arguments, rows: Rows, expert: Expert) -> np.ndarray:
+def urgency(arguments: Arguments, rows: Rows) -> np.ndarray:
     """Shares (n,) of rows in a batch, adding to 1: states that call for hard braking are few and matter most."""
     weight = np.ones(len(rows))
     if rows.kind[0] == AGGREGATED:
-        weight += arguments.urgency * np.clip(-mean_action(expert, rows.seen)[:, 0], 0.0, None)
+        weight += arguments.urgency * np.clip(-rows.action[:, 0], 0.0, None)
     return weight / weight.sum()
+
+
+def labelled(rows: Rows, expert: Expert) -> Rows:
+    """The rows with the expert's actions."""
+    return replace(rows, action=mean_action(expert, rows.seen))
 
 
 def lane_keeping(rows: Rows) -> Rows:
@@ -153,13 +194,16 @@ def train_network(
     people: People,
     expert: Expert,
     road: Road,
-    draw: Callable[[np.random.Generator], Network],
+    visit: Callable[[Network, np.random.Generator], Rows],
     visit_rng: np.random.Generator,
     train_rng: np.random.Generator,
     progress: Progress,
     device: torch.device,
 ) -> tuple[DriverNet, Rows]:
-    """The network trained on everything, and the rows aggregated on the way."""
+    """The network trained on everything, and the rows aggregated on the way.
+
+    visit: labelled moments that a network reaches among drivers.
+    """
     learn, perturbed = lane_keeping(people.learned_from()), lane_keeping(people.perturbed)
     wide = np.concatenate([learn.seen, perturbed.seen])
     net, aggregated = DriverNet(*input_statistics(wide)).to(device), None
@@ -168,20 +212,18 @@ def train_network(
         steps = arguments.final_steps if last else (arguments.round_steps if turn else arguments.first_steps)
         parts = [learn, perturbed] + ([aggregated] if aggregated is not None else [])
         seen = np.concatenate([part.seen for part in parts])
-        action = np.concatenate(
-            [part.action if part.kind[0] != AGGREGATED else mean_action(expert, part.seen) for part in parts]
-        )
+        action = np.concatenate([part.action for part in parts])
         shares = [arguments.recorded_share, arguments.perturbed_share]
         shares.append(1.0 - sum(shares))
         weight = np.concatenate(
-            [s * urgency(arguments, part, expert) for part, s in zip(parts, shares, strict=False)]
+            [s * urgency(arguments, part) for part, s in zip(parts, shares, strict=False)]
         )
         train(net, seen, action, np.zeros_like(action), weight, steps, train_rng, batch=arguments.batch,
               progress=progress, label=f"round {turn} of {arguments.rounds}", deterministic=True)  # fmt: skip
         if not last:
             exploring = quiet(exported(net, seen[-20000:]), EXPLORATION_LOG_STD)
-            new = visited(exploring, road, arguments.rollouts, visit_rng)
-            among = visited_among(exploring, draw, road, arguments.among, visit_rng)
+            new = labelled(visited(exploring, road, arguments.rollouts, visit_rng), expert)
+            among = visit(exploring, visit_rng)
             aggregated = joined([part for part in (aggregated, new, among) if part is not None])
             if turn == 0:  # inputs of the scenario lie outside the recordings' range: standardise for both
                 net = DriverNet(*input_statistics(np.concatenate([wide, new.seen]))).to(device)

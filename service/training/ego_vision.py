@@ -2,13 +2,17 @@
 
     tailroad train ego-vision --out DIR --seed 1
 
-No recordings are needed. The expert keeps its lane, follows carefully and gives way to a neighbour who comes too close
-(service.training.lane_changes.KeepingExpert); it labels moments scattered over the road, then moments that the network
-itself reaches while it drives among the shipped drivers (data set aggregation, Ross et al. 2011). Pictures are rendered
-while it learns, in a weather drawn anew each time, so no picture is seen twice. Besides the action the features learn
-to tell lane offset, heading and curvature; that part is not exported. Written to --out: ego-vision.onnx and its card
-ego-vision.json. Half an hour on a free core; an interrupted run goes on after its last finished round, and within a
-round at its last checkpoint.
+No recordings are needed. The demonstrator keeps its lane, follows carefully, gives way to a neighbour who comes too
+close and avoids conflicts that it sees coming (service.training.demonstrator). It labels moments scattered over the
+road, then moments that the network itself reaches while it drives among a scenario's drivers (data set aggregation,
+Ross et al. 2011). Pictures are rendered while it learns, in a weather drawn anew each time, so no picture is seen
+twice. Besides the action the features learn to tell lane offset, heading and curvature; that part is not exported.
+Written to --out: ego-NAME.onnx and its card ego-NAME.json. Half an hour on a free core; an interrupted run goes on
+after its last finished round, and within a round at its last checkpoint.
+
+The ego of the paper's scenarios learned from the careful part of that demonstrator alone:
+
+    tailroad train ego-vision --out DIR --seed 1 --name vision-paper --demonstrator careful
 """
 
 import json
@@ -25,10 +29,10 @@ from torch.nn.functional import smooth_l1_loss
 from policies import layout
 from policies.egos.vision import VisionEgo, beside
 from service.training import stored
+from service.training.demonstrator import demonstrated, is_attentive
 from service.training.ego_vision_figures import figures
 from service.training.ego_vision_network import ACTION_SCALE, CHANNELS, HINT_SCALE, VisionNet, export
-from service.training.ego_vision_world import WEATHER_KINDS, States, VisionWorld
-from service.training.expert import mean_action
+from service.training.ego_vision_world import SCENARIOS, WEATHER_KINDS, States, VisionWorld
 from service.training.lane_changes import KeepingExpert
 from service.training.run import Stages, begin, ticks, versions
 
@@ -50,6 +54,10 @@ class Arguments:
 
     out: Path  # where the weights and their card go
     seed: int = 1
+    name: str = "vision"  # of the ego: the weights are ego-NAME
+    demonstrator: str = "attentive"  # who labels what it sees: attentive, or careful (vision-paper's)
+    scenario: str = SCENARIOS[0]  # that it drives in
+    weather_scenario: str = SCENARIOS[1]  # that it drives in half of the time, and whose weather it sees
     drivers: str = "drivers-gail"  # weights of the drivers around the ego
     scattered: int = 30_000  # moments to begin with
     rounds: int = 2  # of aggregation
@@ -69,7 +77,11 @@ def main() -> None:
     arguments, stages = run.arguments, run.stages
     streams = run.streams(2 * arguments.rounds + 4)
 
-    world = VisionWorld(arguments.drivers)
+    world = VisionWorld(
+        arguments.drivers,
+        (arguments.scenario, arguments.weather_scenario),
+        is_attentive(arguments.demonstrator),
+    )
     net = VisionNet().to(memory_format=torch.channels_last)
     states = stages.get(
         "scattered", States, lambda: world.scattered(arguments.scattered, np.random.default_rng(streams[0]))
@@ -102,7 +114,7 @@ def main() -> None:
                 tick()
 
     card = {
-        "name": "ego-vision",
+        "name": f"ego-{arguments.name}",
         "what": "ego policy under test: camera 200 x 66 RGB, speed and 20-beam lidar -> acceleration and turn rate",
         "method": "imitation of a lane-keeping, careful expert in our world, data set aggregation over all weathers",
         **run.repeated_by(),
@@ -120,7 +132,7 @@ def main() -> None:
         "training_s": run.elapsed_s(),
     }  # fmt: skip
     arguments.out.mkdir(parents=True, exist_ok=True)
-    weights = arguments.out / "ego-vision.onnx"
+    weights = arguments.out / f"ego-{arguments.name}.onnx"
     weights.write_bytes(onnx.read_bytes())
     weights.with_suffix(".json").write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
     run.finish(weights, card)
@@ -160,7 +172,7 @@ def learn(
         optimiser.load_state_dict(kept.optimiser)
         schedule.load_state_dict(kept.schedule)
         done = kept.done
-    labels = mean_action(EXPERT, states.seen) / ACTION_SCALE
+    labels = demonstrated(EXPERT, states.seen, states.avoidance) / ACTION_SCALE
     hints = states.seen[:, HINTS] / HINT_SCALE
     values = beside(states.seen)
     task = progress.add_task(f"round {turn} of {arguments.rounds}", total=steps, completed=done)
@@ -194,13 +206,12 @@ def visited(world: VisionWorld, onnx: Path, arguments: Arguments, rng: np.random
     """Moments that the exported network reaches in drives with disturbed actions, in all weathers."""
     ego, parts = VisionEgo(onnx), []
     for number in range(arguments.drives):
-        scenario = ("i80-paper-10s", "i80-paper-data")[number % 2]
+        scenario = world.names[number % 2]
         sway = float(rng.choice([0.5, 1.0, 2.0]))
         drive = world.drive(ego, world.weather(rng), scenario, arguments.drive_steps, rng, sway, every=2)
         parts.append(drive.states)
     states = States.joined(parts)
-    good = states.seen[:, layout.INCIDENT] == 0.0
-    return States(states.poses[good], states.own[good], states.seen[good])
+    return states.where(states.seen[:, layout.INCIDENT] == 0.0)
 
 
 if __name__ == "__main__":

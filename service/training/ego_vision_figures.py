@@ -4,8 +4,9 @@ import numpy as np
 from scipy.stats import beta
 
 from policies.egos.protocol import EgoPolicy, Observation
+from service.training.demonstrator import demonstrated
 from service.training.ego_vision_world import VisionWorld
-from service.training.expert import Expert, mean_action
+from service.training.expert import Expert
 from service.world.camera import Weather
 from service.world.sim import step
 
@@ -28,9 +29,9 @@ def figures(
     for k in range(OPEN_LOOP):
         frame = world.camera.render(world.scene, states.poses[k], int(states.own[k]), weather, k)
         answers.append(ego.act(Observation(states.seen[k], 0.0, None, frame)))
-    error = np.array(answers) - mean_action(expert, states.seen[:OPEN_LOOP])
-    runs = [world.drive(ego, weather, "i80-paper-10s", STEPS, rng) for _ in range(drives)]
-    long = [world.drive(ego, weather, "i80-paper-10s", LONG_STEPS, rng) for _ in range(max(drives // 10, 1))]
+    error = np.array(answers) - demonstrated(expert, states.seen[:OPEN_LOOP], states.avoidance[:OPEN_LOOP])
+    runs = [world.drive(ego, weather, world.names[0], STEPS, rng) for _ in range(drives)]
+    long = [world.drive(ego, weather, world.names[0], LONG_STEPS, rng) for _ in range(max(drives // 10, 1))]
     return {
         "open_loop": {
             "n": OPEN_LOOP,

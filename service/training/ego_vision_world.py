@@ -1,12 +1,13 @@
 """Where the vision ego learns: states on I-80 to look at, and drives in our world without SUMO."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from policies import layout
 from policies.drivers import load_drivers
 from policies.egos.protocol import EgoPolicy, Observation
+from service.training.demonstrator import NOTHING, avoid
 from service.training.world import standard_starts
 from service.world import agents as A
 from service.world.camera import Camera, Scene, Weather, build_scene, poses_of, weather_of
@@ -19,6 +20,7 @@ from service.world.sim.road import road_of
 from service.world.sim.world import DriverNetwork, World, action_noise
 
 VEHICLES = 6
+SCENARIOS = ("i80-paper-10s", "i80-paper-data")
 # the widest weather that is learned from: half of the pictures are drawn evenly from it, the others as
 # i80-paper-data draws them
 LOW = (-20.0, 0.0, 0.1, -12.0, -1.5)
@@ -37,18 +39,24 @@ WEATHER_KINDS: dict[str, Weather] = {
 
 @dataclass
 class States:
-    """n moments: poses (n, 6, 6) of all vehicles, the row that looks (n,), and what it perceives (n, 51)."""
+    """n moments: poses (n, 6, 6) of all vehicles, the row that looks (n,), what it perceives (n, 51), and what avoiding
+    conflicts asks of it (n, 2) (service.training.demonstrator)."""
 
     poses: np.ndarray
     own: np.ndarray
     seen: np.ndarray
+    avoidance: np.ndarray
 
     def __len__(self) -> int:
         return len(self.own)
 
     @staticmethod
     def joined(parts: list["States"]) -> "States":
-        return States(*(np.concatenate([getattr(p, k) for p in parts]) for k in ("poses", "own", "seen")))
+        names = [field.name for field in fields(States)]
+        return States(*(np.concatenate([getattr(p, k) for p in parts]) for k in names))
+
+    def where(self, mask: np.ndarray) -> "States":
+        return States(*(getattr(self, field.name)[mask] for field in fields(States)))
 
 
 @dataclass(frozen=True)
@@ -64,11 +72,11 @@ class Drive:
 class VisionWorld:
     """The road, the drivers and the camera of the built-in scenarios."""
 
-    def __init__(self, drivers: str):
-        self.scenarios: dict[str, Scenario] = {
-            name: load_scenario(name) for name in ("i80-paper-10s", "i80-paper-data")
-        }
-        scenario = self.scenarios["i80-paper-10s"]
+    def __init__(self, drivers: str, scenarios: tuple[str, str] = SCENARIOS, attentive: bool = True):
+        """scenarios: drives are drawn from, the second one with weather; attentive: whether conflicts are avoided."""
+        self.names, self.attentive = scenarios, attentive
+        self.scenarios: dict[str, Scenario] = {name: load_scenario(name) for name in scenarios}
+        scenario = self.scenarios[scenarios[0]]
         self.corridor = check_road(scenario, scenario.name)
         self.model = load_drivers(drivers)
         self.base = {name: base_distribution(s, self.model) for name, s in self.scenarios.items()}
@@ -82,7 +90,7 @@ class VisionWorld:
     def weather(self, rng: np.random.Generator) -> Weather:
         """A weather to learn from."""
         if rng.random() < 0.5:
-            return weather_of(self.scenarios["i80-paper-data"], self._draw("i80-paper-data", rng))
+            return weather_of(self.scenarios[self.names[1]], self._draw(self.names[1], rng))
         return Weather(*rng.uniform(LOW, HIGH).tolist())
 
     def scattered(self, count: int, rng: np.random.Generator) -> States:
@@ -102,7 +110,8 @@ class VisionWorld:
             if not np.isfinite(poses).all():  # one of them stands where its lane has ended
                 continue
             good = np.flatnonzero((seen[:, layout.INCIDENT] == 0.0) & (agents[:, A.LENGTH_M] < 5.6))
-            parts.append(States(np.repeat(poses[None], len(good), 0), good, seen[good]))
+            avoidance = np.array([self._avoidance(row) for row in good.tolist()]).reshape(-1, 2)
+            parts.append(States(np.repeat(poses[None], len(good), 0), good, seen[good], avoidance))
         return States.joined(parts)
 
     def pictures(
@@ -141,7 +150,7 @@ class VisionWorld:
             poses = poses_of(world.agents)
             observation.frame = self.camera.render(self.scene, poses, self.ego, weather, seed, k)
             if every and k % every == 0:
-                kept.append((poses, world.observations[self.ego].copy()))
+                kept.append((poses, world.observations[self.ego].copy(), self._avoidance(self.ego)))
             offset.append(world.agents[self.ego, A.LANE_OFFSET_M])
             speed.append(world.agents[self.ego, A.SPEED_MPS])
             action = ego.act(observation)
@@ -150,11 +159,17 @@ class VisionWorld:
             world.advance(action[0] + push[0], action[1] + push[1], noise[k])
             status, _ = world.observe()
         states = States(
-            np.array([p for p, _ in kept]).reshape(-1, VEHICLES, 6),
+            np.array([poses for poses, _, _ in kept]).reshape(-1, VEHICLES, 6),
             np.full(len(kept), self.ego),
-            np.array([s for _, s in kept]).reshape(-1, layout.OBSERVATION_SIZE),
+            np.array([seen for _, seen, _ in kept]).reshape(-1, layout.OBSERVATION_SIZE),
+            np.array([avoidance for _, _, avoidance in kept]).reshape(-1, 2),
         )
         return Drive(status, np.array(offset), np.array(speed), states)
+
+    def _avoidance(self, own: int) -> tuple[float, float]:
+        if not self.attentive:
+            return NOTHING
+        return avoid(self.world.agents[:VEHICLES], own, self.world.road.spacing_m)
 
     def _put(self, agents: np.ndarray) -> None:
         self.world.reset([], np.zeros(layout.HEAD_SIZE))

@@ -1,9 +1,11 @@
 """How well drivers drive: on the whole road from the scenario's starts, and against held-out recorded vehicles."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy.stats import beta as beta_distribution
+from scipy.stats import chi2
 
 from policies import layout as O
 from policies.data.scenes import Scene
@@ -39,6 +41,14 @@ def share(count: int, n: int) -> dict:
     high = 1.0 if count == n else float(beta_distribution.ppf(0.975, count + 1, n - count))
     interval = [round(low, 6), round(high, 6)]
     return {"value": round(count / n, 6), "count": int(count), "n": int(n), "interval_95": interval}
+
+
+def rate(count: int, km: float) -> dict[str, Any]:
+    """Events per million km with the 95% interval of a Poisson count (Garwood 1936)."""
+    low = 0.0 if count == 0 else 0.5 * float(chi2.ppf(0.025, 2 * count))
+    high = 0.5 * float(chi2.ppf(0.975, 2 * count + 2))
+    interval = [round(low / km * 1e6, 1), round(high / km * 1e6, 1)]
+    return {"per_million_km": round(count / km * 1e6, 1), "count": count, "interval_95": interval}
 
 
 def whole_road(

@@ -22,9 +22,10 @@ from scipy.stats import beta as beta_distribution
 
 import ce
 from policies.drivers import DriverModel, load_drivers
-from policies.egos import Observation, load_ego
+from policies.egos import Observation, ego_weights, load_ego
 from policies.egos.lidar import LidarEgo
 from policies.egos.protocol import EgoPolicy
+from policies.egos.registry import LIDAR
 from service.world.scenario import load_scenario
 from service.world.scenario.base import base_distribution, unpack
 from service.world.scenario.check import check_road
@@ -135,6 +136,14 @@ def deep(estimate: Any, gamma: float) -> dict:
     }  # fmt: skip
 
 
+def ego_of(name: str, folder: Path | None) -> EgoPolicy:
+    """The ego of that name; one with lidar by its weights in `folder`, where one is given."""
+    path = ego_weights(name)
+    if folder is None or path is None or path.suffix != LIDAR:
+        return load_ego(name)
+    return LidarEgo(load_drivers(folder / path.name))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -165,12 +174,11 @@ def main() -> None:
     }  # fmt: skip
     with Progress() as progress:
         for name in arguments.ego:
-            weights = load_drivers("ego-lidar" if own is None else own / "ego-lidar.safetensors")
-            ego = LidarEgo(weights) if name == "lidar" else load_ego(name)
+            ego = ego_of(name, own)
             rollouts = Rollouts(scenario, drivers, ego)
-            decisive = (
-                drivers.mu0.tobytes() + name.encode() + (weights.mu0.tobytes() if name == "lidar" else b"")
-            )
+            decisive = drivers.mu0.tobytes() + name.encode()
+            if isinstance(ego, LidarEgo):
+                decisive += b"".join(np.ascontiguousarray(part).tobytes() for part in ego.weights)
             key = hashlib.sha256(decisive).hexdigest()[:12]
             folder = (
                 arguments.out

@@ -7,7 +7,7 @@ from policies import layout as O
 from policies.drivers import load_drivers
 from service.training.aggregation import visited_among
 from service.training.demonstrations import AGGREGATED
-from service.training.ego_lidar import Arguments, lane_keeping, urgency
+from service.training.ego_lidar import Arguments, labelled, lane_keeping, urgency
 from service.training.expert import Expert, lateral_speed, mean_action
 from service.training.world import Network
 from service.world.sim.road import i80_road
@@ -33,7 +33,7 @@ def test_the_egos_states_only(visits):
 
 def test_braking_weighs_more(visits, tmp_path):
     arguments = Arguments(data=tmp_path, out=tmp_path)
-    weight = urgency(arguments, visits, Expert())
+    weight = urgency(arguments, labelled(visits, Expert()))
     wanted = mean_action(Expert(), visits.seen)[:, 0]
     assert weight.sum() == pytest.approx(1.0)
     assert weight[wanted.argmin()] == weight.max()

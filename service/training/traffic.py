@@ -1,0 +1,213 @@
+"""Where egos learn: drives of one vehicle among the drivers of a scenario, in our world without SUMO."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import ce
+from policies import layout as O
+from policies.drivers import load_drivers
+from policies.network import forward
+from service.training.aggregation import HEAD_NOISE_SD
+from service.training.demonstrations import AGGREGATED, Rows
+from service.training.demonstrator import avoid, demonstrated
+from service.training.expert import Expert
+from service.training.metrics import rate
+from service.training.world import Network
+from service.world import agents as A
+from service.world.scenario import load_scenario
+from service.world.scenario.base import base_distribution, unpack
+from service.world.scenario.check import check_road
+from service.world.sim import step
+from service.world.sim.road import road_of
+from service.world.sim.rollout import seed_and_action_noise
+from service.world.sim.world import DriverNetwork, World
+
+Policy = Callable[[np.ndarray], tuple[float, float]]  # observation (51,) -> m/s^2 and rad/s
+
+
+HARDER_SHARE = (
+    0.5  # of the rollouts in which egos learn: a slower neighbour straddles the marking ahead, or is about to
+)
+SWAY_SHARE, SWAY = 0.3, (0.5, 0.01)  # of the rollouts, with disturbed actions of so many m/s^2 and rad/s
+EVERY = 2  # steps between the moments kept
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One rollout of the ego.
+
+    status: how it ended (service.world.sim.step); km: driven; seen: (n, 51) what the ego perceived at the moments
+    kept; avoidance: (n, 2) what the demonstrator's conflict avoidance asked for there; at_fault: whether it brought
+    about the contact that ended the drive, None where there was none.
+    """
+
+    status: int
+    km: float
+    seen: np.ndarray
+    avoidance: np.ndarray
+    at_fault: bool | None
+
+
+class Traffic:
+    """Rollouts of a built-in or a user's scenario with any policy as its ego."""
+
+    def __init__(self, scenario: str):
+        self.scenario = load_scenario(scenario)
+        drivers = load_drivers(self.scenario.drivers.weights)
+        network = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
+        self.corridor = check_road(self.scenario, self.scenario.name)
+        self.base = base_distribution(self.scenario, drivers)
+        vehicles = len(self.scenario.vehicles)
+        self.world = World(
+            road_of(self.corridor), network, vehicles, self.scenario.ego, self.scenario.time.step_s
+        )
+
+    def draw(self, seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Draws x (count, d) from P0 and noise seeds (count,): those of naive Monte Carlo with that seed."""
+        return ce.draw(self.base, seed, "estimate", 0, 0, count)
+
+    def drive(
+        self,
+        policy: Policy,
+        x: np.ndarray,
+        noise_seed: int,
+        *,
+        every: int = 0,
+        sway: np.ndarray | None = None,
+    ) -> Drive:
+        """Let `policy` drive the rollout of (x, noise seed).
+
+        every: of every so many moments one is kept, 0: none; sway: (steps, 2) disturbs its actions, m/s^2 and rad/s.
+        """
+        world, ego = self.world, self.world.ego
+        _, noise = seed_and_action_noise(self.scenario, x, noise_seed, world.vehicles)
+        world.reset(*unpack(self.scenario, x))
+        me, spacing = world.agents[ego], world.road.spacing_m
+        status, _ = world.observe()
+        start_m = me[A.STATION] * spacing + me[A.ALONG_M]
+        seen, avoidance = [], []
+        for k in range(self.scenario.steps):
+            if status != step.RUNNING:
+                break
+            if every and k % every == 0:
+                seen.append(world.observations[ego].astype(np.float32))
+                avoidance.append(avoid(world.agents[: world.vehicles], ego, spacing))
+            a, w = policy(world.observations[ego])
+            if sway is not None:
+                a, w = a + sway[k, 0], w + sway[k, 1]
+            world.advance(a, w, noise[k])
+            status, _ = world.observe()
+        km = (me[A.STATION] * spacing + me[A.ALONG_M] - start_m) / 1000.0
+        return Drive(
+            status,
+            km,
+            np.array(seen, np.float32).reshape(-1, O.OBSERVATION_SIZE),
+            np.array(avoidance).reshape(-1, 2),
+            self._at_fault() if status == step.COLLIDED else None,
+        )
+
+    def harder(self, x: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """The draw x with a slower vehicle of the next lane 12 to 35 m ahead of the ego, towards its lane by up to
+        1.5 m and moving there at up to 0.5 m/s."""
+        vehicles, ego = self.scenario.vehicles, self.scenario.vehicles[self.world.ego]
+        beside = [v for v in vehicles if abs(v.lane - ego.lane) == 1]
+        if not beside:
+            return x
+        other = beside[int(rng.integers(len(beside)))]
+        towards = 1.0 if other.lane > ego.lane else -1.0  # lanes are numbered from the left
+        names = list(self.base.names or ())
+        changed = x.copy()
+        speed = x[names.index(f"{ego.name}.speed_mps")]
+        slower = max(speed - rng.uniform(1.0, 9.0), 2.0)
+        changed[names.index(f"{other.name}.station_m")] = x[
+            names.index(f"{ego.name}.station_m")
+        ] + rng.uniform(12, 35)
+        changed[names.index(f"{other.name}.speed_mps")] = slower
+        changed[names.index(f"{other.name}.lane_offset_m")] += towards * rng.uniform(0.0, 1.5)
+        heading = f"{other.name}.heading_deg"
+        if heading in names:
+            changed[names.index(heading)] = np.rad2deg(towards * rng.uniform(0.0, 0.5) / slower)
+        return changed
+
+    def visited(self, network: Network, expert: Expert, rollouts: int, rng: np.random.Generator) -> Rows:
+        """Moments that the network reaches as ego, with the demonstrator's actions; half of the heads are moved."""
+        parts, numbers = [], []
+        steps = self.scenario.steps
+        x, noise_seeds = self.draw(int(rng.integers(2**31)), rollouts)
+        for number in range(rollouts):
+            head = network.head
+            if rng.random() < 0.5:
+                head = head + rng.normal(0.0, HEAD_NOISE_SD, head.shape).astype(np.float32)
+            start = self.harder(x[number], rng) if rng.random() < HARDER_SHARE else x[number]
+            sway = rng.normal(0.0, SWAY, (steps, 2)) if rng.random() < SWAY_SHARE else None
+            policy = policy_of(network._replace(head=head))
+            drive = self.drive(policy, start, int(noise_seeds[number]), every=EVERY, sway=sway)
+            good = drive.seen[:, O.INCIDENT] == 0.0
+            parts.append((drive.seen[good], drive.avoidance[good]))
+            numbers.append(np.full(int(good.sum()), number))
+        seen, avoidance = (np.concatenate(column) for column in zip(*parts, strict=True))
+        trajectory = np.concatenate(numbers)
+        return Rows(
+            seen,
+            demonstrated(expert, seen, avoidance),
+            np.full(len(seen), AGGREGATED, np.int8),
+            trajectory,
+            np.zeros(len(seen), bool),
+        )
+
+    def contacts(
+        self, policy: Policy, rollouts: int, seed: int, tick: Callable[[], None] = lambda: None
+    ) -> dict[str, Any]:
+        """How often the ego touches another vehicle or leaves the road, and how often it brought the contact about."""
+        x, noise_seeds = self.draw(seed, rollouts)
+        km, faults, off = 0.0, [], 0
+        for row, noise_seed in zip(x, noise_seeds.tolist(), strict=True):
+            drive = self.drive(policy, row, noise_seed)
+            km += drive.km
+            off += drive.status == step.OFF_ROAD
+            if drive.at_fault is not None:
+                faults.append(drive.at_fault)
+            tick()
+        return {
+            "scenario": self.scenario.name,
+            "rollouts": rollouts,
+            "km": round(km, 1),
+            "contacts": rate(len(faults), km),
+            "brought_about_by_the_ego": sum(faults),
+            "left_the_road": off,
+        }
+
+    def _at_fault(self) -> bool:
+        """Whether the ego ran into the vehicle that it touches: from behind, or by the greater speed across."""
+        agents, ego = self.world.agents[: self.world.vehicles], self.world.ego
+        me = agents[ego]
+        away = np.hypot(agents[:, A.X_M] - me[A.X_M], agents[:, A.Y_M] - me[A.Y_M])
+        away[(agents[:, A.COLLISION] == 0.0) | (agents[:, A.ACTIVE] == 0.0)] = np.inf
+        away[ego] = np.inf
+        you = agents[int(away.argmin())]
+        spacing = self.world.road.spacing_m
+        along = (you[A.STATION] - me[A.STATION]) * spacing + you[A.ALONG_M] - me[A.ALONG_M]
+        across = you[A.OFFSET_M] - me[A.OFFSET_M]
+        gap = abs(along) - 0.5 * (me[A.LENGTH_M] + you[A.LENGTH_M])
+        room = abs(across) - 0.5 * (me[A.WIDTH_M] + you[A.WIDTH_M])
+        if gap > room:  # the boxes met end to end
+            return bool(along > 0.0)
+        mine, yours = (
+            row[A.SPEED_MPS] * np.sin(row[A.LANE_HEADING_RAD]) * np.sign(across) for row in (me, you)
+        )
+        return bool(mine > -yours)
+
+
+def policy_of(network: Network) -> Policy:
+    """Driving by the network's mean action, as the lidar ego does."""
+    outputs = np.empty(O.OUTPUTS, np.float32)
+    scale = network.action_scale
+
+    def act(seen: np.ndarray) -> tuple[float, float]:
+        forward(seen, network.w1, network.b1, network.w2, network.b2, network.head, outputs)
+        return float(scale[0] * outputs[0]), float(scale[1] * outputs[1])
+
+    return act
