@@ -1,4 +1,7 @@
-"""Recordings in every layout become one table: values by hand, flags, errors that say where."""
+"""Recordings in every layout become one table: values by hand, flags, errors that say where.
+
+Long because every layout brings its own few lines of recordings.
+"""
 
 import json
 

@@ -10,7 +10,7 @@ import msgspec
 from markupsafe import Markup
 
 from service.analysis import wording
-from service.analysis.report import drawings, figures, ink
+from service.analysis.report import drawings, figures, ink, learned_figures
 from service.analysis.report.dangerous import Findings
 from service.analysis.report.ink import Picture
 from service.analysis.report.replays import player, player_hash, replay_json
@@ -98,7 +98,7 @@ class Pictures:
         return figures.search_pictures(job)
 
     def learned(self, job: dict[str, Any]) -> list[Picture]:
-        return figures.learned_pictures(self._records[job["id"]], self._facts["learned"][job["id"]])
+        return learned_figures.learned_pictures(self._records[job["id"]], self._facts["learned"][job["id"]])
 
     @cached_property
     def dangerous(self) -> list[tuple[dict[str, Any], Picture | None, Markup | None]]:

@@ -1,4 +1,7 @@
-"""Wrong scenario files: each gives one error that names the file, the key, the value and a remedy."""
+"""Wrong scenario files: each gives one error that names the file, the key, the value and a remedy.
+
+Long because it is one table of mistakes, a line or two each.
+"""
 
 from __future__ import annotations
 

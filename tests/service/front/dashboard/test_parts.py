@@ -1,4 +1,7 @@
-"""Every part of a page drawn from answers as the API gives them, with names that would break one without escaping."""
+"""Every part of a page drawn from answers as the API gives them, with names that would break one without escaping.
+
+Long because it holds one answer of each kind, all of whose texts are hostile.
+"""
 
 from __future__ import annotations
 
