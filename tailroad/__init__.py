@@ -11,7 +11,8 @@
 
 estimate      ask, run and answer; resume goes on with a run that was interrupted
 compare       egos on the same draws, or runs that there are already
-Run, Replay   what it gives
+client        a service, whose jobs are runs of the same kind
+Run, Replay   what they give
 """
 
 from service.analysis.run import (
@@ -26,6 +27,7 @@ from service.analysis.run import (
     resume,
 )
 from service.errors import TailroadError
+from service.remote.client.service import RemoteReplay, RemoteRun, Service, client
 from service.world.scenario import Scenario, load_scenario
 
 __all__ = [
@@ -33,10 +35,14 @@ __all__ = [
     "Estimated",
     "Interrupted",
     "Progress",
+    "RemoteReplay",
+    "RemoteRun",
     "Replay",
     "Run",
     "Scenario",
+    "Service",
     "TailroadError",
+    "client",
     "compare",
     "estimate",
     "load_scenario",

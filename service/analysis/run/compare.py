@@ -10,6 +10,7 @@ from typing import Any
 from service.analysis.comparison.compare import comparison_of
 from service.analysis.comparison.objects import Comparison
 from service.analysis.failures.examine import EXAMINED, Watch, look_away
+from service.analysis.notebook import comparison_html
 from service.analysis.run.carry_out import (
     MAX_FAILED,
     Interrupted,
@@ -22,7 +23,6 @@ from service.analysis.run.carry_out import (
 from service.analysis.run.question import BUDGET, CONFIDENCE, SEED, jobs_of
 from service.analysis.run.records import record_of
 from service.analysis.run.run import Run
-from service.analysis.run.show import comparison_html
 from service.errors import InputError
 from service.evaluation.cores import core_count
 from service.evaluation.record import JobRecord

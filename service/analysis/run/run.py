@@ -10,6 +10,7 @@ import msgspec
 import polars as pl
 
 import ce
+from service.analysis.estimated import Estimated
 from service.analysis.exports import SUFFIXES, export_bytes
 from service.analysis.exposure import exposure_of
 from service.analysis.failures.events import Order, events_of
@@ -17,11 +18,10 @@ from service.analysis.failures.examine import EXAMINED, Watch, look_away
 from service.analysis.failures.find import find_failures
 from service.analysis.failures.objects import Failures
 from service.analysis.failures.rerun import Rerunner
+from service.analysis.notebook import estimates_html
 from service.analysis.report import write_report
 from service.analysis.risk import Risk, risk_of
-from service.analysis.run.estimated import Estimated, estimated
 from service.analysis.run.records import record_of, write_file
-from service.analysis.run.show import estimates_html
 from service.errors import InputError
 from service.evaluation.job import Job, Problem
 from service.evaluation.pool import OUTCOME_NAMES
@@ -132,6 +132,11 @@ class Run:
     def replay(self, rank: int, by: Order = "likelihood", job: str | None = None) -> "Replay":
         """The dangerous rollout at that rank of `failures`, to be looked at."""
         return Replay(self.path, record_of(self.path, job)[0], rank, by)
+
+
+def estimated(job: Job, estimate: ce.Estimate, cost: Cost) -> Estimated:
+    """What a job came to."""
+    return msgspec.convert(json_ready(summary_of(job, estimate, cost)) | {"job": job.id}, Estimated)
 
 
 class Replay:

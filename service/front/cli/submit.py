@@ -1,13 +1,21 @@
 """`tailroad submit`: give a job to a service."""
 
-from pathlib import Path
 from typing import Any
 
 import click
 
 from service.front.cli.client_options import client_options, echo_json
-from service.front.cli.options import finite, json_option, option_of, option_option, seed_option
+from service.front.cli.options import (
+    finite,
+    json_option,
+    measure_option,
+    noise_mode_option,
+    option_of,
+    option_option,
+    seed_option,
+)
 from service.remote.client import Client
+from service.remote.client.service import as_sent
 
 METHODS = ("auto", "naive", "ce", "mixture", "splitting")
 
@@ -24,6 +32,8 @@ METHODS = ("auto", "naive", "ce", "mixture", "splitting")
     required=True,
     help="The event is f <= GAMMA, in the measure's unit.",
 )
+@measure_option()
+@noise_mode_option()
 @click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True)
 @click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True,
               help="Rollouts at most, training included.")  # fmt: skip
@@ -51,12 +61,3 @@ def command(scenario: str, options: tuple[str, ...], client: Client, as_json: bo
         echo_json(job)
     else:
         click.echo(job.id)
-
-
-def as_sent(scenario: str) -> str | dict[str, Any]:
-    """A name as it is, a file as its content; ScenarioError where the file is wrong in itself."""
-    if not scenario.endswith(".toml"):
-        return scenario
-    from service.world.scenario.load import read_toml
-
-    return read_toml(Path(scenario), scenario)

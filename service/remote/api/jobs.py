@@ -14,6 +14,8 @@ from service.remote.api.objects import OVER, Done, Job, Jobs
 from service.remote.api.problems import ApiError, Wrong, short
 from service.remote.api.requests import Nothing, Page, Submission
 from service.remote.fleet.service import Fleet, JobView
+from service.world.safety.measure import with_measure
+from service.world.scenario.noise_mode import with_noise_mode
 
 COMMON = ("budget", "rel_error", "confidence")  # options that have a place of their own in a submission
 # that may be as large as it; other whole numbers are sizes of batches
@@ -40,6 +42,9 @@ class JobAnswers:
             scenario = self._catalogue.named(asked.scenario)
         else:
             scenario = self._catalogue.by_value(asked.scenario)
+        if asked.measure is not None:
+            scenario = with_measure(scenario, asked.measure)
+        scenario = with_noise_mode(scenario, asked.noise_mode)
         if asked.budget > self._limits.budget:
             raise _too_much("budget", asked.budget, self._limits.budget)
         self._check_options(asked)

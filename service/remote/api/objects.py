@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from service.analysis.estimate_parts import EstimateWarning, Rollouts
+from service.analysis.estimated import Estimated
 from service.analysis.failures.playback import Playback
 
 STATUSES = ("running", "paused", "done", "cancelled", "failed")
@@ -57,6 +57,8 @@ class Job(_Body, frozen=True):
     leases: int
     refusals: dict[str, str]
     unit: str = ""  # of gamma: that of the scenario's safety measure
+    measure: str = ""
+    noise_mode: str = ""
 
 
 class Jobs(_Body, frozen=True):
@@ -143,36 +145,10 @@ class Egos(_Body, frozen=True):
     items: tuple[Ego, ...]
 
 
-class Estimate(_Body, frozen=True):
+class Estimate(Estimated, frozen=True, kw_only=True):
     """p = P0(f(X) <= gamma) from the batches that are complete; as `tailroad estimate --json` prints it."""
 
-    job: str
     status: str
-    p: float | None
-    std_error: float | None
-    ci: tuple[float, float]
-    confidence: float
-    gamma: float
-    method: str
-    rollouts: Rollouts
-    events: int
-    ess: float | None
-    max_weight_share: float | None
-    efficiency_vs_naive: float | None
-    variance_reliable: bool
-    converged: bool
-    warnings: tuple[EstimateWarning, ...]
-    scenario: str
-    ego: str
-    seed: int
-    options: dict[str, Any]
-    tailroad: str
-    workers: int
-    wall_s: float
-    worker_s: float
-    sim_s: float
-    x_realtime_per_core: float | None
-    unit: str = ""  # of gamma
 
 
 class CurvePoint(_Body, frozen=True):

@@ -114,7 +114,7 @@ class AskComparison(_Request, frozen=True):
 
 class Submission(_Request, frozen=True):
     """A job to run. scenario: the name of a listed one, or a scenario by value (what its file says, as JSON); options:
-    of the method, beyond budget, rel_error and confidence."""
+    of the method, beyond budget, rel_error and confidence; measure, noise_mode: in place of the scenario's."""
 
     scenario: Annotated[str, Meta(min_length=1, max_length=64)] | dict[str, Any]
     gamma: float
@@ -128,3 +128,5 @@ class Submission(_Request, frozen=True):
     priority: Annotated[int, Meta(ge=-100, le=100)] = 0
     weight: Annotated[float, Meta(ge=0.01, le=100.0)] = 1.0
     label: Annotated[str, Meta(max_length=200)] = ""
+    measure: Annotated[str, Meta(min_length=1, max_length=2000)] | None = None
+    noise_mode: Literal["drawn", "frozen", "searched"] | None = None

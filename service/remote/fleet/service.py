@@ -49,6 +49,8 @@ class JobView(msgspec.Struct, frozen=True):
     rollouts: int | None = None  # None for a job that is over; the estimate has them
     leases: int = 0
     refusals: dict[str, str] = {}  # workers that cannot run it, and why
+    measure: str = ""
+    noise_mode: str = ""
 
 
 class Doing(msgspec.Struct, frozen=True):
@@ -243,7 +245,7 @@ class Fleet:
         return JobView(row.id, row.number, row.label, job.scenario.name, job.ego, job.gamma,
                        measure_kind(job.scenario.safety.measure).unit, job.method, job.options,
                        job.seed, row.priority, row.weight, row.at, row.status, row.reason, rollouts, leases,
-                       refusals)  # fmt: skip
+                       refusals, job.scenario.safety.measure, job.scenario.drivers.noise_mode)  # fmt: skip
 
 
 def _progress(scheduler: Scheduler) -> dict[str, tuple[int, int, dict[str, str]]]:

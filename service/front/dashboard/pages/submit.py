@@ -24,6 +24,9 @@ WORDS = {
     "budget": ("Budget", "Rollouts at most, training included."),
     "rel_error": ("Target precision", "Stop when the interval's relative half-width is this small, as in 0.2."),
     "confidence": ("Confidence", "Of the interval."),
+    "measure": ("Safety measure", "In place of the scenario's, as in ttc, rss, drac or 'stl: always(ttc_s >= 1.0)'."),
+    "noise_mode": ("Action noise", "In place of the scenario's: a stream for each rollout, one for all, or a part of X "
+                   "that the method may move."),
     "seed": ("Seed", "The same seed gives the same bits."),
     "priority": ("Priority", "Of two jobs the one of higher priority goes first."),
     "weight": ("Weight", "Share of the workers among jobs of one priority."),
@@ -106,6 +109,8 @@ def _field(name: str, described: Mapping[str, Any], required: bool, choices: tup
     made = Field(name, label, hint, "text", value, required)
     choices = choices or tuple(map(str, plain.get("enum", ())))
     if choices:
+        if default is None and not required:
+            choices = ("", *choices)  # left to the service
         return replace(made, kind="select", choices=choices, value=value or choices[0])
     if plain.get("type") in ("number", "integer"):
         low = plain.get("minimum", plain.get("exclusiveMinimum"))
@@ -124,7 +129,8 @@ def _as_given(job: Job) -> dict[str, str]:
     common = {name: job.options.get(name) for name in ("budget", "rel_error", "confidence")}
     more = {k: v for k, v in job.options.items() if k not in common and v is not None}
     values = {"scenario": job.scenario, "ego": job.ego, "gamma": job.gamma, "method": job.method, "seed": job.seed,
-              "priority": job.priority, "weight": job.weight, "label": job.label, **common}  # fmt: skip
+              "priority": job.priority, "weight": job.weight, "label": job.label, "measure": job.measure,
+              "noise_mode": job.noise_mode, **common}  # fmt: skip
     given = {name: "" if value is None else str(value) for name, value in values.items()}
     return given | {OPTIONS: "\n".join(f"{name}={json.dumps(value)}" for name, value in more.items())}
 

@@ -14,8 +14,10 @@ from service.front.dashboard.forms import MOST_BYTES, local_path, sent
 from service.front.dashboard.live import Rates
 from service.front.dashboard.pages.job import command_of
 from service.front.dashboard.pages.jobs import Asked, Row, in_order
-from service.front.dashboard.pages.submit import Field, Form, filled
+from service.front.dashboard.pages.submit import Field, Form, _as_given, _field, filled
 from service.remote.api.objects import Job, Jobs
+from service.remote.api.requests import Submission
+from service.remote.api.schemas import schema_of
 
 
 def job(number: int, **changes) -> Job:
@@ -176,3 +178,16 @@ def test_a_form_is_read_and_anything_else_refused():
 def test_the_way_back_stays_here(given):
     assert local_path(given, "/otherwise") == "/otherwise"
     assert local_path("/?search=a", "/otherwise") == "/?search=a"
+
+
+def test_the_form_takes_the_measure_and_the_noise_mode_and_leaves_them_to_the_scenario():
+    described = schema_of(Submission)["$defs"]["Submission"]["properties"]
+    fields = tuple(_field(name, described[name], False, ()) for name in ("measure", "noise_mode", "method"))
+    assert [one.kind for one in fields] == ["text", "select", "select"]
+    assert fields[1].choices == ("", "drawn", "frozen", "searched")
+    assert fields[2].value == "auto"
+    assert filled(Form(fields), {"method": "auto"}).values == {"method": "auto"}
+    given = {"measure": "rss", "noise_mode": "searched", "method": "naive"}
+    assert filled(Form(fields), given).values == given
+    like = _as_given(job(1, measure="rss", noise_mode="frozen"))
+    assert (like["measure"], like["noise_mode"]) == ("rss", "frozen")

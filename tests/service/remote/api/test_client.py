@@ -171,3 +171,56 @@ def test_a_rollout_is_run_once_more(client: Client) -> None:
     brought_back = parse_scenario(tomllib.loads(found.scenario), "rollout 7", Path())
     assert brought_back.fixed is not None
     assert brought_back.fixed.noise_seed == found.noise_seed
+
+
+def test_a_service_gives_the_same_objects_as_this_machine(service, tmp_path) -> None:
+    import tailroad
+
+    told = []
+    with tailroad.client(f"tcp/127.0.0.1:{service.port}", timeout_s=60.0) as fleet:
+        run = fleet.estimate(
+            "i80-10s", "idm", gamma=0.5, method="naive", budget=300, seed=21, progress=told.append
+        )
+        assert isinstance(run.estimate, tailroad.Estimated)
+        assert run.estimate.p == expected(service.light.store.job(run.job).job).p
+        assert run.estimates[run.job].rollouts.total == 300
+        assert run.status == "done"
+        assert "95% interval" in run._repr_html_()
+        assert run.job in repr(fleet.run(run.job))
+        other = fleet.estimate("i80-10s", "idm", gamma=0.5, method="naive", budget=300, seed=22)
+        compared = fleet.compare([run, other], examine=0)
+        assert [side.p for side in compared.comparison.sides] == [run.estimate.p, other.estimate.p]
+        assert "interval" in compared._repr_html_()
+        with pytest.raises(tailroad.TailroadError, match="runs egos by name"):
+            fleet.submit("i80-10s", object(), gamma=0.5)
+    assert all(one.total == 300 for one in told)
+
+
+@pytest.mark.parametrize("by_command", [True, False])
+def test_a_job_takes_the_measure_and_the_noise_mode(service, client: Client, by_command: bool) -> None:
+    if by_command:
+        code, out = cli(service, "submit", "i80-10s", "--ego", "idm", "--gamma", "-0.5", "--method", "naive",
+                        "--budget", "300", "--seed", "31", "--measure", "rss", "--noise-mode", "frozen")  # fmt: skip
+        assert code == 0, out
+        job = out.strip()
+    else:
+        job = client.submit("i80-10s", -0.5, **JOB, seed=32, measure="rss", noise_mode="frozen").id
+    asked = service.light.store.job(job).job.scenario
+    assert (asked.safety.measure, asked.drivers.noise_mode) == ("rss", "frozen")
+    seen = client.job(job)
+    assert (seen.measure, seen.noise_mode, seen.unit) == ("rss", "frozen", "m")
+
+
+def test_a_measure_that_there_is_not_is_refused_by_name(client: Client) -> None:
+    with pytest.raises(Refused, match="did you mean 'rss'"):
+        client.submit("i80-10s", 0.5, **JOB, measure="rrs")
+
+
+def test_an_option_of_another_method_is_refused_by_name(service, client: Client) -> None:
+    with pytest.raises(Refused, match=r"options\.rho: method naive has no such option"):
+        client.submit("i80-10s", 0.5, **JOB, options={"rho": 0.1})
+    code, out = cli(
+        service, "submit", "i80-10s", "--gamma", "0.5", "--method", "naive", "--option", "rho=0.1"
+    )
+    assert code == 2
+    assert "rho" in out

@@ -8,7 +8,7 @@ from service.analysis.wording import level, one_in, quantity, significant
 
 if TYPE_CHECKING:
     from service.analysis.comparison.objects import Comparison
-    from service.analysis.run.estimated import Estimated
+    from service.analysis.estimated import Estimated
 
 CELL = 'style="text-align:left;padding:2px 12px 2px 0;vertical-align:top"'
 

@@ -4,11 +4,8 @@ from typing import Any
 
 import msgspec
 
-import ce
 from service.analysis.estimate_parts import EstimateWarning, Rollouts
-from service.analysis.run.show import estimate_html
-from service.evaluation.job import Job
-from service.evaluation.summary import Cost, json_ready, summary_of
+from service.analysis.notebook import estimate_html
 
 
 class Estimated(msgspec.Struct, frozen=True, kw_only=True):
@@ -48,8 +45,3 @@ class Estimated(msgspec.Struct, frozen=True, kw_only=True):
 
     def _repr_html_(self) -> str:
         return estimate_html(self)
-
-
-def estimated(job: Job, estimate: ce.Estimate, cost: Cost) -> Estimated:
-    """What a job came to."""
-    return msgspec.convert(json_ready(summary_of(job, estimate, cost)) | {"job": job.id}, Estimated)
