@@ -11,7 +11,7 @@ from service.analysis.exports.write import SUFFIXES, Exports, write_exports, wri
 from service.analysis.failures.rerun import Rerun, rerun
 from service.errors import InputError, WorkerError
 from service.evaluation.job import Job, Problem
-from service.evaluation.pool import watch_parent
+from service.evaluation.parent import end_with_parent
 from service.evaluation.processes import context_for
 from service.world.egos.here import HERE
 
@@ -25,7 +25,7 @@ def export_bytes(job: Job, x: np.ndarray, noise_seed: int, title: str, form: str
         raise InputError(f"format {form}: there are {', '.join(SUFFIXES)}")
     with (
         tempfile.TemporaryDirectory() as folder,
-        ProcessPoolExecutor(1, context_for(job.ego), initializer=watch_parent) as pool,
+        ProcessPoolExecutor(1, context_for(job.ego), initializer=end_with_parent) as pool,
     ):
         path = Path(folder) / f"rollout{SUFFIXES[form]}"
         files = Exports(**{form: path})

@@ -1,8 +1,6 @@
 """Run rollouts once more in worker processes: a rollout is a pure function, so what happened in it can be seen."""
 
 from collections.abc import Callable, Collection, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from types import TracebackType
@@ -12,14 +10,14 @@ import numpy as np
 from service.analysis.failures.driving import Driving, driving_of
 from service.analysis.failures.motion import Motion, motion_of
 from service.analysis.trace import Trace, record
-from service.errors import WorkerError
 from service.evaluation.job import Job, Problem
-from service.evaluation.pool import watch_parent
+from service.evaluation.process_pool import ProcessPool, TaskKind
 from service.evaluation.processes import context_for
 from service.world.sim.rollout import Simulator
 
 AT_ONCE = 8  # rollouts that a worker is given at once
 Draw = tuple[np.ndarray, int]  # x (d,) and the noise seed
+Wanted = list[tuple[int, Draw, bool]]  # number, draw, and whether its trace is wanted
 Open = Callable[[Job], AbstractContextManager["Rerunner"]]  # a rerunner of a job, for as long as it is needed
 
 
@@ -50,8 +48,7 @@ class Rerunner:
     """
 
     def __init__(self, job: Job, workers: int = 1):
-        self._job, self._workers = job, workers
-        self._pool: ProcessPoolExecutor | None = None
+        self._pool = ProcessPool(workers, RERUNS, _open, (job,), lambda: context_for(job.ego))
 
     def __enter__(self) -> "Rerunner":
         return self
@@ -59,7 +56,7 @@ class Rerunner:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        self._pool.close(kill=kind is not None)
 
     def run(
         self,
@@ -69,57 +66,15 @@ class Rerunner:
     ) -> list[Rerun]:
         """Run the rollouts again, in order; traced: which to return the traces of; on_done: told how many more."""
         found: dict[int, Rerun] = {}
-        parts = [range(i, min(i + AT_ONCE, len(drawn))) for i in range(0, len(drawn), AT_ONCE)]
-        suspects: list[int] = []
-        running = {}
-        for part in parts:
-            future = self._started(len(parts)).submit(
-                _run, [drawn[i] for i in part], [i in traced for i in part]
-            )
-            running[future] = part
-        for future in as_completed(running):
-            try:
-                found |= dict(zip(running[future], future.result(), strict=True))
-                on_done(len(running[future]))
-            except BrokenProcessPool:
-                suspects += running[future]
-        if suspects:
-            self.close()
-        for i in sorted(suspects):  # each alone, so that one that ends its process takes no other with it
-            found[i] = self._alone(drawn[i], i in traced)
-            on_done(1)
+        wanted = [(i, draw, i in traced) for i, draw in enumerate(drawn)]
+        for part, results in self._pool.run(wanted[i : i + AT_ONCE] for i in range(0, len(wanted), AT_ONCE)):
+            found |= {i: again for (i, _, _), again in zip(part, results, strict=True)}
+            on_done(len(part))
         return [found[i] for i in range(len(drawn))]
-
-    def _alone(self, draw: Draw, traced: bool) -> Rerun:
-        try:
-            return self._started(1).submit(_run, [draw], [traced]).result()[0]
-        except BrokenProcessPool:
-            self.close()
-            return Rerun(np.nan, "error", "the process that ran it died")
-
-    def _started(self, parts: int) -> ProcessPoolExecutor:
-        if self._pool is None:
-            self._pool = ProcessPoolExecutor(
-                max(min(self._workers, parts), 1),
-                context_for(self._job.ego),
-                initializer=_open,
-                initargs=(self._job,),
-            )
-            try:
-                self._pool.submit(_ready).result()
-            except BrokenProcessPool as error:
-                self.close()
-                raise WorkerError(
-                    "a process to run rollouts again ended before the first; its own message is above, or run one with "
-                    "`tailroad rollout` to see it"
-                ) from error
-        return self._pool
 
     def close(self) -> None:
         """End the processes; they are started again when they are needed again."""
-        if self._pool is not None:
-            self._pool.shutdown()
-            self._pool = None
+        self._pool.close()
 
 
 _problem: Problem | None = None
@@ -128,20 +83,33 @@ _simulator: Simulator | None = None  # of the worker process
 
 def _open(job: Job) -> None:
     global _problem, _simulator
-    watch_parent()
     _problem = Problem(job)
     _simulator = _problem.simulator()
 
 
-def _ready() -> None:
-    pass
-
-
-def _run(drawn: Sequence[Draw], traced: Sequence[bool]) -> list[Rerun]:
+def _run(part: Wanted) -> list[Rerun]:
     assert _problem is not None
     assert _simulator is not None
-    found = [rerun(_problem, _simulator, x, noise_seed) for x, noise_seed in drawn]
-    return [again if keep else replace(again, trace=None) for again, keep in zip(found, traced, strict=True)]
+    found = [rerun(_problem, _simulator, *draw) for _, draw, _ in part]
+    return [
+        again if traced else replace(again, trace=None)
+        for again, (_, _, traced) in zip(found, part, strict=True)
+    ]
+
+
+def _each(part: Wanted) -> list[Wanted]:
+    return [[one] for one in part]
+
+
+def _all(parts: Sequence[list[Rerun]]) -> list[Rerun]:
+    return [again for part in parts for again in part]
+
+
+def _lost(part: Wanted) -> list[Rerun]:
+    return [Rerun(np.nan, "error", "the process that ran it died") for _ in part]
+
+
+RERUNS = TaskKind(_run, _each, _all, _lost)
 
 
 def rerun(problem: Problem, simulator: Simulator, x: np.ndarray, noise_seed: int) -> Rerun:

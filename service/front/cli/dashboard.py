@@ -1,7 +1,6 @@
 """`tailroad dashboard`: pages for browsers on what a service does."""
 
 import ipaddress
-import threading
 from typing import Any
 
 import click
@@ -62,7 +61,7 @@ def command(
     There is no log-in: whoever reaches the address may use it, so it is this machine alone unless told otherwise. From
     elsewhere go through an SSH tunnel, or a proxy that asks who is there. The service may start and end meanwhile.
     """
-    from service.evaluation.parent import end_with
+    from service.evaluation.parent import end_with_parent
     from service.front.dashboard.server import Dashboard
     from service.logs import log_to_stderr
     from service.remote.client import Client
@@ -74,7 +73,7 @@ def command(
     with Client(connect, zenoh_config, timeout, patience_s=0.0) as client:
         dashboard = Dashboard(client, host, port, names, read_only)
         if parent is not None:
-            threading.Thread(target=end_with, args=(parent,), daemon=True).start()
+            end_with_parent(parent)
         shown = f"[{host}]" if ":" in host else host
         click.echo(f"dashboard on http://{shown}:{dashboard.port}/", err=True)
         dashboard.run()

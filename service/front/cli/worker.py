@@ -5,12 +5,11 @@ import secrets
 import signal
 import socket
 import sys
-import threading
 from contextlib import suppress
 
 import click
 
-from service.evaluation.parent import end_with
+from service.evaluation.parent import end_with_parent
 
 NAME_LETTERS = set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_")
 DRAIN_HINT = "finishing what is being run; once more to stop at once"
@@ -62,7 +61,7 @@ def command(
         signal.signal(signal.SIGTERM, stop)
         signal.signal(signal.SIGINT, stop)
         if parent is not None:
-            threading.Thread(target=end_with, args=(parent,), daemon=True).start()
+            end_with_parent(parent)
         try:
             worker.run()
         except NotWanted as error:

@@ -15,7 +15,8 @@ from ce.errors import CeError
 from policies.drivers import WeightsError
 from service.errors import TailroadError
 from service.evaluation.job import Problem
-from service.evaluation.pool import Work, run_chunk, watch_parent
+from service.evaluation.parent import end_with_parent
+from service.evaluation.pool import Work, run_chunk
 from service.remote.fleet.answers import answer_of
 from service.remote.fleet.batch_step import row_hashes, rows_digest
 from service.remote.fleet.messages import (
@@ -86,7 +87,7 @@ class Runner:
 
 
 def _main(pipe: multiprocessing.connection.Connection, worker: str) -> None:
-    watch_parent()
+    end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is to be stopped and how is the parent's to say
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     bench = _Bench(worker)

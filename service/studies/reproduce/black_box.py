@@ -21,11 +21,10 @@ END_S = 10.0  # that it has to end by itself
 
 _CODE = """
 import sys
-import threading
 from policies.egos import load_ego
-from service.evaluation.parent import end_with
+from service.evaluation.parent import end_with_parent
 from service.world.egos.sdk import serve
-threading.Thread(target=end_with, args=(int(sys.argv[3]),), daemon=True).start()
+end_with_parent(int(sys.argv[3]))
 serve(lambda: load_ego("idm"), sys.argv[1], listen=sys.argv[2])
 """
 

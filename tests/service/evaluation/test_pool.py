@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import select
 import signal
 import subprocess
 import sys
-from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 
 import msgspec
 import numpy as np
@@ -17,7 +16,6 @@ import pytest
 import ce
 from policies.egos.idm import IdmEgo
 from service.errors import WorkerError
-from service.evaluation import pool as pooling
 from service.evaluation.job import Job, Problem, make_job
 from service.evaluation.pool import OUTCOME_CODES, OUTCOME_NAMES, LocalPool, Work, run_chunk
 from service.evaluation.store import FAILED, Chunk
@@ -54,7 +52,7 @@ def same(found: list[Chunk], expected: list[Chunk]) -> bool:
 
 def kill(pool: LocalPool) -> None:
     """Kill the pool's workers and wait until its executor knows."""
-    manager = pool._executor._executor_manager_thread
+    manager = pool._processes._executor._executor_manager_thread
     for pid in pool.pids():
         os.kill(pid, signal.SIGKILL)
     manager.join()
@@ -97,30 +95,14 @@ class FatalEgo(IdmEgo):
             os.kill(os.getpid(), signal.SIGKILL)
 
 
-def open_worker_with_fatal_ego(job: Job, fatal: frozenset[int]) -> None:
+def with_fatal_ego(job: Job, fatal: frozenset[int]) -> Simulator:
     problem = Problem(job)
-    pooling._world = Simulator(job.scenario, problem.corridor, problem.drivers, FatalEgo(fatal))
-
-
-class FatalPool(LocalPool):
-    """A pool whose workers drive with a `FatalEgo`; everything else is the real thing."""
-
-    def __init__(self, job: Job, workers: int, fatal: frozenset[int]):
-        self._fatal = fatal
-        super().__init__(job, workers)
-
-    def _start(self, workers: int | None = None) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(
-            workers or self.workers,
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=open_worker_with_fatal_ego,
-            initargs=(self._job, self._fatal),
-        )
+    return Simulator(job.scenario, problem.corridor, problem.drivers, FatalEgo(fatal))
 
 
 def test_a_rollout_that_kills_its_process_is_one_recorded_error(job, works, expected):
     fatal = works[1].noise_seeds[3]
-    with FatalPool(job, 1, frozenset([int(fatal)])) as pool:
+    with LocalPool(job, 1, partial(with_fatal_ego, fatal=frozenset([int(fatal)]))) as pool:
         found = sorted(pool.run(works[:3]), key=lambda chunk: chunk.start)
     assert found[1].errors == {3: "the worker process died during this rollout, each time it was tried"}
     assert found[1].outcomes[3] == FAILED
