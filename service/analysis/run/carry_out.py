@@ -10,10 +10,10 @@ from typing import Any
 
 import ce
 from service.analysis.run.run import Run
-from service.evaluation.campaign import Watcher, run_job
 from service.evaluation.cores import core_count
 from service.evaluation.job import Job
 from service.evaluation.pool import OpenWorld, in_sumo
+from service.evaluation.recorded import Watcher, evaluate_recorded
 from service.evaluation.store import Chunk, RunDirectory
 from service.evaluation.summary import Cost
 from service.world.egos.here import give_again
@@ -73,7 +73,7 @@ def new_folder(*words: str) -> Path:
 
 @dataclass
 class _Told:
-    """Passes on what a campaign does as a job's progress, and adds up what it costs."""
+    """Passes on what happens to a job as a job's progress, and adds up what it costs."""
 
     job: Job
     path: Path
@@ -163,7 +163,7 @@ def _run_all(
             costs[job.id] = Cost(workers)
             told = _Told(job, store.path, workers, tell, costs[job.id])
             began = time.perf_counter()
-            estimates[job.id] = run_job(
+            estimates[job.id] = evaluate_recorded(
                 store, job, workers, told.watcher, max_failed, open_world, executor=executor
             )
             costs[job.id].wall_s = time.perf_counter() - began

@@ -8,9 +8,9 @@ import ce
 from service.analysis.run import Progress
 from service.analysis.run import carry_out as carry_out_jobs
 from service.evaluation.batches import RecordedBatches
-from service.evaluation.campaign import LazyPool
 from service.evaluation.job import Job, Problem, make_job, without_sumo
 from service.evaluation.pool import OpenWorld, in_sumo
+from service.evaluation.recorded import LazyPool
 from service.evaluation.store import Chunk
 from service.studies.reproduce import results
 from service.studies.reproduce.plans import Plan, Run, Truth

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from service.errors import InputError, StoreError
-from service.evaluation import campaign
+from service.evaluation import recorded
 from service.evaluation.job import Problem, make_job, without_sumo
 from service.evaluation.pool import in_sumo, run_chunk
 from service.evaluation.store import RunDirectory
@@ -69,7 +69,7 @@ class Here:
 
 @pytest.fixture(autouse=True)
 def no_processes(monkeypatch):
-    monkeypatch.setattr(campaign, "LocalPool", Here)
+    monkeypatch.setattr(recorded, "LocalPool", Here)
 
 
 class Interrupted(Exception):

@@ -1,4 +1,4 @@
-"""Runs a job on local workers or an executor, with a record as its memory, and tells how far it is."""
+"""`evaluate` with a record as its memory: one job, on local workers or an executor, and how far it is."""
 
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -17,7 +17,7 @@ from service.evaluation.tolerance import Tolerance
 
 @dataclass(frozen=True)
 class Watcher:
-    """Who is told what a campaign does."""
+    """Who is told how far a job is."""
 
     on_job: Callable[[Job, int], None] = lambda job, total: None  # the job begins; its rollouts at most
     on_chunk: Callable[[Chunk, bool], None] = lambda chunk, replayed: None
@@ -52,7 +52,7 @@ class LazyPool:
             self._pool.__exit__(kind, error, trace)
 
 
-def run_job(
+def evaluate_recorded(
     store: ChunkSource,
     job: Job,
     workers: int,
