@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -43,13 +44,14 @@ def build(folder: Path) -> list[str]:
     rendered = subprocess.run(
         [sys.executable, "-m", "zensical", "build", "--strict", "--clean", "-f", configuration],
         cwd=ROOT,
-        env=os.environ | {"NO_COLOR": "1", "PYTHONPATH": str(ROOT)},
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
     )
     if rendered.returncode:
-        said, _, traceback = rendered.stdout.partition("Traceback (most recent call last)")
+        plain = re.sub(r"\x1b\[[\d;]*m", "", rendered.stdout)
+        said, _, traceback = plain.partition("Traceback (most recent call last)")
         return [said, *traceback.strip().split("\n")[-3:]]
     return [f"{p}: not in the navigation (docs/site.toml)" for p in forgotten] + complaints(
         folder / project["site_dir"]
