@@ -32,10 +32,12 @@ def gather(places: dict[str, str], made: dict[str, str], into: Path) -> list[Pur
     """Write the site's pages below `into` and return their places there.
 
     places: folders of the repository -> folders of the site, the longest that fits counts; "" is the root
-    made:   files that are not in the repository, pages and pictures: their path in the repository's tree -> text
+    made:   files that are made, in place of those in the repository: their path in the repository's tree -> text
     """
     tracked = _tracked()
-    pages = [p for p in tracked if p.suffix == ".md"] + [PurePosixPath(p) for p in made]
+    pages = [p for p in tracked if p.suffix == ".md"] + [
+        PurePosixPath(p) for p in made if PurePosixPath(p) not in tracked
+    ]
     worn = [p for p in tracked if p.is_relative_to("docs/assets")]
     site = {p: _place(p, places) for p in pages + worn}
     waiting: list[PurePosixPath] = list(site)

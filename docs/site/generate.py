@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import ast
+import re
+
 from docs.site import architecture, commands, decisions, objects
 from docs.site.gather import ROOT
 
@@ -11,9 +14,28 @@ def pages() -> dict[str, str]:
     icon = ROOT / "service" / "front" / "dashboard" / "static" / "icon.svg"
     return {
         "docs/assets/icon.svg": icon.read_text(encoding="utf-8"),
+        "docs/reference/ce.md": reference("ce"),
+        "docs/reference/tailroad.md": reference("tailroad"),
         "docs/architecture.svg": architecture.picture(),
         "docs/reference/layers.md": f"# Layers\n\nEach imports only what stands below it.\n\n{architecture.table()}\n",
         "docs/reference/command-line.md": commands.page(),
         "deploy/decisions/README.md": decisions.index(),
         f"{objects.folder().relative_to(ROOT).as_posix()}/README.md": objects.page(),
     }
+
+
+def reference(package: str) -> str:
+    """A package's reference: its page, and below it whatever else the package makes public."""
+    page = (ROOT / "docs" / "reference" / f"{package}.md").read_text(encoding="utf-8")
+    left = public_names(package) - set(re.findall(rf"^::: {package}\.(\w+)$", page, re.M))
+    return page + "".join(
+        ["\n## Besides\n\n", *(f"::: {package}.{n}\n" for n in sorted(left))] if left else []
+    )
+
+
+def public_names(package: str) -> set[str]:
+    """What `__all__` of the package lists."""
+    for node in ast.parse((ROOT / package / "__init__.py").read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
+            return set(ast.literal_eval(node.value))
+    raise LookupError(f"{package}/__init__.py has no __all__")
