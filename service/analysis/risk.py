@@ -5,6 +5,7 @@ the assumptions, which go with it wherever it is shown.
 """
 
 import math
+from collections.abc import Sequence
 
 import msgspec
 
@@ -13,6 +14,7 @@ from service.analysis.exposure import Exposure
 from service.analysis.wording import level, significant
 from service.errors import InputError
 from service.evaluation.job import Job
+from service.evaluation.summary import withheld_for
 from service.world.scenario.measures import IMPACT, measure_kind
 
 MILLION = 1e6
@@ -83,7 +85,8 @@ def risk_of(
     """The risk that a job's estimate stands for."""
     p = estimate.p if estimate.estimation_rollouts else None
     event = event_of(msgspec.structs.replace(job, gamma=estimate.gamma))
-    return rate_of(p, estimate.ci, estimate.confidence, exposure, event, baseline)
+    withheld = withheld_for((w.name for w in estimate.warnings), estimate.training_rollouts)
+    return rate_of(p, estimate.ci, estimate.confidence, exposure, event, baseline, withheld)
 
 
 def rate_of(
@@ -93,10 +96,12 @@ def rate_of(
     exposure: Exposure,
     event: str,
     baseline: Baseline = POLICE_REPORTED,
+    withheld: Sequence[str] = (),
 ) -> Risk:
     """The risk of an event of probability p per rollout.
 
     event: in words, as in "a time to collision of at most 0.5 s"
+    withheld: warnings for which the estimate cannot be relied on, and no rate is made of it
 
     The interval takes p's interval at the kilometres' other end, so it is a little wider than it need be.
     """
@@ -109,7 +114,11 @@ def rate_of(
     rate_ci = least, most
     between_ci = MILLION / most if most else 0.0, MILLION / least if least > 0.0 else None
     times_ci = least / per, None if most is None else most / per
-    summary = _summary(event, p, rate, rate_ci, between_ci, confidence, times_ci, baseline)
+    if withheld:
+        rate, rate_ci, between_ci, times_ci = None, (0.0, None), (0.0, None), (0.0, None)
+        summary = _no_rate(event, withheld)
+    else:
+        summary = _summary(event, p, rate, rate_ci, between_ci, confidence, times_ci, baseline)
     return Risk(
         p=p,
         ci=ci,
@@ -125,6 +134,13 @@ def rate_of(
         summary=summary,
         said=summary,
         assumptions=_assumptions(exposure, event, baseline),
+    )
+
+
+def _no_rate(event: str, withheld: Sequence[str]) -> str:
+    return (
+        f"{event[:1].upper()}{event[1:]}: no rate per million km, because the estimate cannot be relied on "
+        f"({', '.join(withheld)}); see its warnings and their remedies."
     )
 
 

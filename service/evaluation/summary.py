@@ -1,7 +1,7 @@
 """What a job came to, as one JSON object, and the comparison of jobs on the same question."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -46,6 +46,19 @@ def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost") -> dict[str, Any]:
         "tailroad": job.tailroad,
         **cost.as_dict(),
     }
+
+
+# warnings under which not even the interval can be relied on
+NOT_AN_ANSWER = {"no-rollouts", "threshold-not-reached", "dominant-weight", "heavy-tailed-weights"}
+
+
+def withheld_for(warnings: Iterable[str], training: int) -> tuple[str, ...]:
+    """The warnings for which an estimate is withheld: it is told with them, and nothing is made of it.
+
+    training: rollouts of the search; one that has met no event may have looked in the wrong place.
+    """
+    grave = NOT_AN_ANSWER | ({"no-events"} if training > 0 else set())
+    return tuple(name for name in warnings if name in grave)
 
 
 def variance_reliable(estimate: ce.Estimate) -> bool:

@@ -43,7 +43,7 @@ from service.analysis.thresholds import curve_gammas
 from service.evaluation import record as records_of_jobs
 from service.evaluation.job import Job
 from service.evaluation.record import JobRecord
-from service.evaluation.summary import Cost, comparisons, json_ready, summary_of
+from service.evaluation.summary import Cost, comparisons, json_ready, summary_of, withheld_for
 from service.world.scenario.measures import measure_kind
 from service.world.scenario.renamed import to_written
 
@@ -85,7 +85,7 @@ def facts_of(
         disagreement=_disagreement(jobs),
         scenario=_scenario(records[0]),
         jobs=jobs,
-        risk=_risk(headline, first, seen.exposure, baseline),
+        risk=_risk(headline, jobs, first, seen.exposure, baseline),
         learned={r.job.id: seen.learned.get(r.job.id) or starts_learned(r) for r in records},
         failure_modes=_failure_modes(seen.failures),
         dangerous=tuple(_dangerous(r) for r in seen.rollouts),
@@ -122,11 +122,15 @@ def _scenario(record: JobRecord) -> ScenarioFacts:
     )
 
 
-def _risk(headline: Headline, job: Job, exposure: Exposure | None, baseline: Baseline) -> Risk | None:
+def _risk(
+    headline: Headline, jobs: Sequence[JobFacts], job: Job, exposure: Exposure | None, baseline: Baseline
+) -> Risk | None:
     """The headline's p as a rate; None where the kilometres are not known."""
     if exposure is None:
         return None
-    return rate_of(headline.p, headline.ci, headline.confidence, exposure, event_of(job), baseline)
+    best = next(one for one in jobs if one.id == headline.job)
+    withheld = withheld_for((w.name for w in best.warnings), best.rollouts.training)
+    return rate_of(headline.p, headline.ci, headline.confidence, exposure, event_of(job), baseline, withheld)
 
 
 def _job(record: JobRecord, against_naive: AgainstNaive | None, gammas: np.ndarray) -> JobFacts:

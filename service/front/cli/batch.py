@@ -15,6 +15,7 @@ from service.evaluation.cores import core_count
 from service.front.cli.main import INTERRUPTED
 from service.front.cli.options import finite, json_option, workers_option
 from service.front.cli.progress import progress_bar, stderr
+from service.front.cli.tables import whole
 from service.front.matrix.plan import Batch, Cell, cells, read_batch
 from service.front.matrix.verdict import Result, exit_code
 
@@ -149,19 +150,21 @@ def _write(folder: Path, batch: Batch, limit: float | None, found: list[Result])
 
 def _print(found: list[Result], limit: float | None) -> None:
     console = Console()
-    table = Table("scenario", "ego", "gamma", "method", "p", "interval", "rollouts", "events", "verdict")
+    table = Table(
+        "scenario\nego",
+        "gamma\nmethod",
+        whole("p\ninterval"),
+        whole("rollouts\nevents"),
+        "verdict",
+    )
     for r in found:
         colour = COLOURS.get(r.verdict, "default")
         known = r.p is not None
         table.add_row(
-            Path(r.scenario).stem,
-            r.ego,
-            f"{r.gamma:g}",
-            r.method,
-            f"{r.p:.3g}" if known else "-",
-            f"{r.low:.3g} to {r.high:.3g}" if known else "-",
-            f"{r.rollouts:,}",
-            f"{r.events:,}",
+            f"{Path(r.scenario).stem}\n{r.ego}",
+            f"{r.gamma:g}\n{r.method}",
+            f"{r.p:.3g}\n{r.low:.3g} to {r.high:.3g}" if known else "-",
+            f"{r.rollouts:,}\n{r.events:,}",
             f"[{colour}]{r.verdict}[/{colour}]",
         )
     console.print(table)

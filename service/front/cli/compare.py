@@ -6,7 +6,6 @@ import click
 import msgspec
 from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 import ce
 from service.analysis.comparison.objects import Comparison, ModeChange, Pair
@@ -18,6 +17,7 @@ from service.front.cli.ego_options import ego_option
 from service.front.cli.main import INTERRUPTED
 from service.front.cli.options import finite, json_option, seed_option, workers_option
 from service.front.cli.progress import Shown, progress_bar, stderr
+from service.front.cli.tables import whole
 
 
 @click.command()
@@ -115,7 +115,7 @@ def _print(found: Comparison) -> None:
 
 def _print_pair(console: Console, found: Comparison, pair: Pair, level: str) -> None:
     a, b, d = found.sides[pair.a], found.sides[pair.b], pair.difference
-    table = Table("", f"{b.name} against {a.name}", f"{level} interval", "how")
+    table = Table("", f"{b.name} against {a.name}", whole(f"{level} interval"), "how")
     table.add_row("difference of p", significant(d.difference), _span(d.difference_ci), HOW[d.how])
     table.add_row(
         "ratio of p", significant(d.ratio), _span(d.ratio_ci), "same draws" if d.paired else "own draws"
@@ -128,14 +128,14 @@ def _print_pair(console: Console, found: Comparison, pair: Pair, level: str) -> 
             f"{p.only_b:,} to {b.name} only.", highlight=False,
         )  # fmt: skip
     if pair.modes:
-        table = Table("failure mode", f"{a.name}: p", f"{b.name}: p", "difference", f"{level} interval", "")
+        table = Table(
+            whole("failure mode"), f"p: {a.name}\n{b.name}", whole(f"difference\n{level} interval"), "change"
+        )
         for mode in pair.modes:
             table.add_row(
-                Text(mode.mode, no_wrap=True),
-                significant(mode.a.p, 2),
-                significant(mode.b.p, 2),
-                significant(mode.difference.difference, 2),
-                _span(mode.difference.difference_ci),
+                mode.mode,
+                f"{significant(mode.a.p, 2)}\n{significant(mode.b.p, 2)}",
+                f"{significant(mode.difference.difference, 2)}\n{_span(mode.difference.difference_ci)}",
                 _change(mode),
             )
         console.print(table)

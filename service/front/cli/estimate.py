@@ -29,6 +29,7 @@ from service.front.cli.options import (
     workers_option,
 )
 from service.front.cli.progress import Shown, progress_bar, stderr
+from service.front.cli.tables import whole
 from service.world.scenario.noise_mode import NoiseMode
 
 NOT_PRECISE = 3
@@ -166,7 +167,7 @@ def _print(summaries: list[dict[str, Any]], compared: list[dict[str, Any]]) -> N
         f"\np = P0(f <= {quantity(first['gamma'], first['unit'])}), f the {first['measure']}, "
         f"scenario {first['scenario']}, ego {first['ego']}, seed {first['seed']}"
     )
-    table = Table("", *[s["method"] for s in summaries])
+    table = Table("", *[whole(s.get("job", s["method"])) for s in summaries])
     against = {c["method"]: c for c in compared}
 
     def row(label: str, values: list[str]) -> None:
@@ -186,7 +187,7 @@ def _print(summaries: list[dict[str, Any]], compared: list[dict[str, Any]]) -> N
             ("ratio of variances, training left out", "ratio_of_variances"),
             ("efficiency, training counted", "efficiency"),
         ):
-            row(label, [_ratio(against.get(s["method"]), key) for s in summaries])
+            row(label, [_ratio(against.get(s.get("job", s["method"])), key) for s in summaries])
     row("worker time", [f"{s['worker_s']:.0f} s" for s in summaries])
     row("x real time a core", [f"{s['x_realtime_per_core'] or 0.0:.0f}" for s in summaries])
     console.print(table)
@@ -200,7 +201,7 @@ def _print(summaries: list[dict[str, Any]], compared: list[dict[str, Any]]) -> N
 def _p(summary: dict[str, Any]) -> str:
     if summary["p"] is None:
         return "not known"
-    trust = "" if summary["variance_reliable"] else "\n(see warnings: rely on the interval)"
+    trust = "" if summary["variance_reliable"] else "\n(see the warnings)"
     return f"{summary['p']:.3g} ± {summary['std_error']:.2g}{trust}"
 
 

@@ -19,6 +19,7 @@ from service.evaluation.cores import core_count
 from service.front.cli.options import json_option, workers_option
 from service.front.cli.progress import progress_bar
 from service.front.cli.runs import method_option, run_argument
+from service.front.cli.tables import whole
 
 
 @click.command()
@@ -66,16 +67,20 @@ def _print(run: Path, found: Failures) -> None:
     )
     if found.modes:
         level = f"{found.confidence:.0%} interval"
-        table = Table("failure mode", "events", "share of p", level, "p", level, "example")
+        table = Table(
+            whole("failure mode"),
+            "events",
+            whole(f"share of p\n{level}"),
+            whole(f"p\n{level}"),
+            "example",
+        )
         for mode in found.modes:
             (share_low, share_high), (low, high) = mode.share_ci, mode.ci
             table.add_row(
                 Text(mode.mode, no_wrap=True),
                 f"{mode.events:,}",
-                f"{mode.share:.1%}",
-                f"{share_low:.0%} to {share_high:.0%}",
-                significant(mode.p, 2),
-                f"{significant(low, 2)} to {significant(high, 2)}",
+                f"{mode.share:.1%}\n{share_low:.0%} to {share_high:.0%}",
+                f"{significant(mode.p, 2)}\n{significant(low, 2)} to {significant(high, 2)}",
                 f"rank {mode.example.rank}",
             )
         console.print(table)

@@ -2,11 +2,12 @@
 
 import click
 from rich.console import Console
-from rich.table import Column, Table
+from rich.table import Table
 
 from service.analysis.wording import quantity
 from service.front.cli.client_options import client_options, echo_json
 from service.front.cli.options import json_option
+from service.front.cli.tables import whole
 from service.remote.api.objects import Job, Jobs
 from service.remote.client import Client
 
@@ -29,12 +30,22 @@ def command(status: str | None, label: str | None, limit: int, client: Client, a
         echo_json(Jobs(items=tuple(found), next=None))
         return
     table = Table(
-        Column("job", no_wrap=True), "scenario", "ego", "gamma", "method", "status", "rollouts", "label"
+        whole("job"),
+        "scenario\nego",
+        whole("gamma\nmethod"),
+        "status",
+        whole("rollouts"),
+        "label",
     )
     for job in found:
         event = quantity(job.gamma, job.unit)
         table.add_row(
-            job.id, job.scenario, job.ego, event, job.method, status_text(job), counted(job), job.label
+            job.id,
+            f"{job.scenario}\n{job.ego}",
+            f"{event}\n{job.method}",
+            status_text(job),
+            counted(job).replace(" of ", "\nof "),
+            job.label,
         )
     Console().print(table)
 

@@ -76,6 +76,9 @@ class Tailroad(click.Group):
             return super().invoke(ctx)
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
+        except KeyboardInterrupt:
+            click.echo("\nInterrupted.", err=True)
+            raise SystemExit(INTERRUPTED) from None
         except Exception as error:
             if isinstance(error, _told_in_a_sentence()):
                 raise BadInput(str(error)) from error
