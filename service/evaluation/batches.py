@@ -1,6 +1,7 @@
 """`run_batch` for local workers: answers from the record what was run before, runs the rest, and records it."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from service.evaluation.engine import ExecutorPool
 from service.evaluation.job import Job
 from service.evaluation.pool import LocalPool, Work
 from service.evaluation.store import Chunk, ChunkSource
+from service.evaluation.store.draws import row_hashes, rows_digest
 from service.evaluation.tolerance import Tolerance
 
 CHUNK_S = 1.0  # simulated work of a chunk, in seconds of a worker that runs at TYPICAL_SPEED
@@ -41,11 +43,20 @@ class RecordedBatches:
     def __call__(self, batch: ce.Batch) -> np.ndarray:
         """f of each row of the batch, (n,)."""
         offset = batch.start
+        hashes = row_hashes(batch.x, batch.noise)
+
+        def draws(chunk: Chunk) -> str:
+            return rows_digest(hashes[chunk.start - offset : chunk.stop - offset])
+
         f = np.full(batch.stop - offset, np.nan)
         done = np.zeros(f.size, dtype=bool)
         recorded = self._store.chunks(self._job.id, batch.phase, batch.iteration, batch.start, batch.stop)
         for chunk in recorded:
             first, last = max(chunk.start, batch.start), min(chunk.stop, batch.stop)
+            whole = (first, last) == (chunk.start, chunk.stop)
+            if chunk.draws and whole and chunk.draws != draws(chunk):
+                self._store.other_draws(chunk)
+                continue
             f[first - offset : last - offset] = chunk.f[first - chunk.start : last - chunk.start]
             done[first - offset : last - offset] = True
             self._tolerance.see(chunk)
@@ -54,7 +65,8 @@ class RecordedBatches:
         if work:
             for chunk in self._pool().run(work):
                 self._tolerance.see(chunk)
-                self._store.append(self._job.id, batch.phase, batch.iteration, chunk)
+                with_draws = replace(chunk, draws=draws(chunk))
+                self._store.append(self._job.id, batch.phase, batch.iteration, with_draws)
                 f[chunk.start - offset : chunk.stop - offset] = chunk.f
                 self._on_chunk(chunk, False)
         return f

@@ -20,7 +20,7 @@ from service.evaluation.store import ChunkSource
 BatchKey = tuple[str, int]  # phase, iteration
 
 
-class _EndOfRecord(Exception):
+class EndOfRecord(Exception):
     """The record has no answer to the next batch, or not all of it."""
 
 
@@ -127,7 +127,7 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
     problem = Problem(job)
     threshold = job.gamma if gamma is None else gamma
     algorithm = problem.algorithm
-    recorded = RecordedBatches(store, job, _no_workers)
+    recorded = RecordedBatches(store, job, no_workers)
     state: Any = algorithm.init(problem.stream_seed)
     records: list[ce.TrainingRecord | ce.EstimationRecord] = []
     parameters: dict[BatchKey, np.ndarray] = {}
@@ -162,7 +162,7 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
 
     try:
         estimate = evaluate(algorithm, problem.stream_seed, run_batch, observe)
-    except _EndOfRecord:
+    except EndOfRecord:
         estimate = algorithm.estimate(state)
     if threshold != job.gamma:
         estimate = replace(estimate, gamma=threshold)
@@ -200,5 +200,5 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
     )
 
 
-def _no_workers() -> NoReturn:
-    raise _EndOfRecord
+def no_workers() -> NoReturn:
+    raise EndOfRecord

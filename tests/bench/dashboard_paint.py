@@ -60,7 +60,7 @@ def write_job(home: Path, rollouts: int, keep: bool = True) -> str:
                 {},
                 0.01 * n,
             )
-            store.append([("jmillion", "estimate", 0, chunk, Origin("", "w", 0))])
+            store.append([("jmillion", "estimate", 0, chunk, Origin("w", 0))])
         if keep:
             problem = Problem(job)
             begun = problem.algorithm.init(problem.stream_seed)

@@ -1,6 +1,7 @@
 """A chunk: the finished rollouts of consecutive rows of a batch."""
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +24,7 @@ class Chunk:
     steps: np.ndarray  # (n,) int32
     errors: dict[int, str]  # by row, counted from `start`
     worker_s: float
+    draws: str = ""  # digest of the rows' x and noise seeds (`draws.py`); "" where it was not written down
 
     def fingerprint(self) -> bytes:
         """Of everything that decides an estimate: two workers that ran the same rows must agree on it to the bit."""
@@ -38,11 +40,10 @@ class Chunk:
 class Origin:
     """Where a chunk comes from.
 
-    digest: of the rows' x and noise seeds, "" where it was not written down; worker: who ran it; epoch: how often
-    chunks of its job had been voided before.
+    worker: who ran it
+    epoch: how often chunks of its job had been voided before
     """
 
-    digest: str = ""
     worker: str = ""
     epoch: int = 0
 
@@ -51,8 +52,8 @@ HERE = Origin()  # run by this process or its own workers, for a run directory
 
 
 def row_of(job: str, phase: str, iteration: int, chunk: Chunk, origin: Origin = HERE) -> dict[str, Any]:
-    """A chunk as a row of the table `chunks`."""
-    return {
+    """A chunk as a row of the table `chunks`, with the checksum of all that it says."""
+    row = {
         "job": job,
         "phase": phase,
         "iteration": iteration,
@@ -64,9 +65,27 @@ def row_of(job: str, phase: str, iteration: int, chunk: Chunk, origin: Origin = 
         "steps": chunk.steps.astype("<i4").tobytes(),
         "errors": msgspec.json.encode({str(k): v for k, v in chunk.errors.items()}).decode(),
         "worker_s": chunk.worker_s,
-        "digest": origin.digest,
+        "digest": chunk.draws,
         "worker": origin.worker,
     }
+    return row | {"checksum": checksum_of(row)}
+
+
+def checksum_of(row: Mapping[str, Any]) -> str:
+    """Of all columns of a row but its checksum, whichever they are."""
+    digest = hashlib.blake2b(digest_size=16)
+    for name in sorted(row):
+        value = row[name]
+        data = value if isinstance(value, bytes) else repr(value).encode()
+        if name != "checksum":
+            digest.update(f"{name} {type(value).__name__} {len(data)} ".encode())
+            digest.update(data)
+    return digest.hexdigest()
+
+
+def same_checksum(row: Any) -> bool:
+    """Whether a row says what it said when it was written; True for a row of before there were checksums."""
+    return not row.checksum or row.checksum == checksum_of(row._asdict())
 
 
 def chunk_of(row: Any) -> Chunk:
@@ -76,7 +95,7 @@ def chunk_of(row: Any) -> Chunk:
         whole = chunk.f.size == chunk.outcomes.size == chunk.steps.size == chunk.stop - chunk.start
     except (msgspec.MsgspecError, ValueError, TypeError, RecursionError) as error:
         raise _damaged(row) from error
-    if not whole:
+    if not whole or not same_checksum(row):
         raise _damaged(row)
     return chunk
 
@@ -84,7 +103,7 @@ def chunk_of(row: Any) -> Chunk:
 def _damaged(row: Any) -> StoreError:
     return StoreError(
         f"the record of rollouts {row.start} to {row.stop} (phase {row.phase}, iteration {row.iteration}) is damaged; "
-        "take it from a copy of the database"
+        "`tailroad verify` says what else is and what can be saved"
     )
 
 
@@ -98,6 +117,7 @@ def _chunk_of(row: Any) -> Chunk:
         np.frombuffer(row.steps, "<i4"),
         {int(k): v for k, v in errors.items()},
         row.worker_s,
+        row.digest,
     )
 
 

@@ -24,8 +24,9 @@ def sqlite_url(path: Path) -> str:
     return f"sqlite:///{path}"
 
 
-def open_engine(url: str, lock_wait_s: float = LOCK_WAIT_S) -> sa.Engine:
-    """An engine for the database at `url`, with this version's tables; StoreError where that cannot be."""
+def open_engine(url: str, lock_wait_s: float = LOCK_WAIT_S, new: bool = True) -> sa.Engine:
+    """An engine for the database at `url`, with this version's tables; StoreError where that cannot be. new: make the
+    tables of a database that has none, instead of refusing it."""
     try:
         engine = _engine(url, lock_wait_s)
     except (ArgumentError, NoSuchModuleError) as error:
@@ -35,7 +36,7 @@ def open_engine(url: str, lock_wait_s: float = LOCK_WAIT_S) -> sa.Engine:
     except ModuleNotFoundError as error:
         raise StoreError(f"this database needs {error.name}; install tailroad[postgres]") from error
     try:
-        _prepare(engine)
+        _prepare(engine, new)
     except (SQLAlchemyError, UnicodeError) as error:  # SQLite quotes a damaged file's bytes in its messages
         engine.dispose()
         raise StoreError(f"cannot open {shown(engine)}: {reason(error)}") from error
@@ -96,7 +97,7 @@ def shown(engine: sa.Engine) -> str:
     return engine.url.render_as_string(hide_password=True)
 
 
-def _prepare(engine: sa.Engine) -> None:
+def _prepare(engine: sa.Engine, new: bool) -> None:
     with engine.connect() as connection:
         if _version(connection) == tables.VERSION:
             return
@@ -107,6 +108,8 @@ def _prepare(engine: sa.Engine) -> None:
         if version == tables.VERSION:
             return
         if version is None and not sa.inspect(connection).has_table("chunks"):
+            if not new:
+                raise StoreError(f"{shown(engine)} holds no record of rollouts")
             tables.metadata.create_all(connection)
             _stamp(connection)
         else:

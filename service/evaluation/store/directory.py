@@ -8,7 +8,10 @@ recorded chunks through `service.evaluation.evaluate` gives it back to the bit, 
 goes on from its last finished chunk.
 """
 
+import logging
+import os
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import msgspec
@@ -20,6 +23,9 @@ from service.evaluation.store.database import open_engine, sqlite_url
 from service.evaluation.store.records import ChunkRecord
 
 FORMAT = 1
+RECORD = "rollouts.sqlite"
+
+log = logging.getLogger("tailroad.store")
 
 
 class _Run(msgspec.Struct, frozen=True):
@@ -30,11 +36,14 @@ class _Run(msgspec.Struct, frozen=True):
 class RunDirectory:
     """An open run directory; one process at a time writes to it."""
 
-    def __init__(self, path: Path, jobs: tuple[Job, ...]):
+    def __init__(self, path: Path, jobs: tuple[Job, ...], new: bool = False):
+        """new: make a record that is not there; otherwise StoreError where it is missing or empty."""
         self.path = path
         self.jobs = jobs
         try:
-            self._engine = open_engine(sqlite_url(path / "rollouts.sqlite"))
+            if not new:
+                _refuse_without_record(path / RECORD)
+            self._engine = open_engine(sqlite_url(path / RECORD), new=new)
         except StoreError as error:
             raise StoreError(f"{error}; check the folder, or start a new run with another --out") from error
         self._record = ChunkRecord(self._engine)
@@ -48,12 +57,21 @@ class RunDirectory:
             )
         try:
             path.mkdir(parents=True, exist_ok=True)
-            (path / "run.json").write_bytes(
-                msgspec.json.format(msgspec.json.encode(_Run(FORMAT, jobs)), indent=2) + b"\n"
-            )
+            found = cls(
+                path, jobs, new=True
+            )  # first the record: a run.json without one is a run that lost it
+            if next(found.record.jobs(), None) is not None:
+                found.close()
+                raise StoreError(
+                    f"{path / RECORD} holds rollouts, and the run.json that says of what is not there; take it from a "
+                    "copy, or give another --out"
+                )
+            part = path / "run.json.part"
+            part.write_bytes(msgspec.json.format(msgspec.json.encode(_Run(FORMAT, jobs)), indent=2) + b"\n")
+            part.replace(path / "run.json")
         except OSError as error:
             raise StoreError(f"cannot write to {path}: {error.strerror or error}") from error
-        return cls(path, jobs)
+        return found
 
     @classmethod
     def open_or_create(cls, path: Path, jobs: tuple[Job, ...]) -> "RunDirectory":
@@ -80,7 +98,10 @@ class RunDirectory:
             raise StoreError(f"{path / 'run.json'} cannot be read: {error}") from error
         if run.format != FORMAT:
             raise StoreError(f"{path} has run format {run.format}; this tailroad reads format {FORMAT}")
-        return cls(path, run.jobs)
+        found = cls(path, run.jobs)
+        if old := found.record.without_checksum():
+            _tell_old(path, old)
+        return found
 
     def close(self) -> None:
         self._engine.dispose()
@@ -114,6 +135,14 @@ class RunDirectory:
         """The recorded chunks of a batch that hold any of rows [start, stop), by start; stop = None: to its end."""
         return [chunk for chunk, _ in self._record.chunks(job_id, phase, iteration, start, stop)]
 
+    def other_draws(self, chunk: Chunk) -> None:
+        """Refuse a recorded chunk that is not of the rows that the job draws now."""
+        raise StoreError(
+            f"the rollouts {chunk.start} to {chunk.stop} in {self.path} are of other random draws than its run.json "
+            "asks for: seed, scenario, weights, options or software are not those the run was begun with; put them "
+            "back, or start a new run with another --out"
+        )
+
     @property
     def record(self) -> ChunkRecord:
         """The chunks, with where each comes from."""
@@ -122,3 +151,22 @@ class RunDirectory:
     def all_chunks(self, job_id: str) -> Iterator[tuple[str, int, Chunk]]:
         """Every recorded chunk of a job as (phase, iteration, chunk)."""
         return self._record.all_chunks(job_id)
+
+
+def _refuse_without_record(file: Path) -> None:
+    """StoreError where the file of the record is not there, or holds nothing."""
+    if not file.exists():
+        raise StoreError(f"{file} is missing: the rollouts of this run are gone; take the file from a copy")
+    beside = Path(f"{file}-wal")  # what SQLite has not taken over into the file yet
+    if file.stat().st_size == 0 and not (beside.exists() and os.path.getsize(beside)):
+        raise StoreError(f"{file} is empty: the rollouts of this run are gone; take the file from a copy")
+
+
+@cache
+def _tell_old(path: Path, chunks: int) -> None:
+    """Once a process."""
+    log.warning(
+        "%s: %d chunks of rollouts were recorded before there were checksums; they are read as they are",
+        path,
+        chunks,
+    )

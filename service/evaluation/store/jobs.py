@@ -12,7 +12,7 @@ from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 import ce
 from service.errors import StoreError
 from service.evaluation.job import Job
-from service.evaluation.store.chunk import Chunk, Origin
+from service.evaluation.store.chunk import Chunk, Origin, checksum_of, same_checksum
 from service.evaluation.store.claim import Claim
 from service.evaluation.store.database import LOCK_WAIT_S, insert_once, open_engine, reason, shown, writing
 from service.evaluation.store.records import ChunkRecord
@@ -95,8 +95,9 @@ class Mark(msgspec.Struct, frozen=True):
 class JobStore:
     """The database of a fleet; any number of readers, one scheduler that writes."""
 
-    def __init__(self, url: str, lock_wait_s: float = LOCK_WAIT_S):
-        self._engine = open_engine(url, lock_wait_s)
+    def __init__(self, url: str, lock_wait_s: float = LOCK_WAIT_S, new: bool = True):
+        """new: make the tables of a database that has none, instead of refusing it."""
+        self._engine = open_engine(url, lock_wait_s, new)
         self.chunks = ChunkRecord(self._engine)
         self.states = StateRecord(self._engine)
 
@@ -215,6 +216,7 @@ class JobStore:
              "record": msgspec.json.encode(record).decode()}
             for i, record in enumerate(records)
         ]  # fmt: skip
+        rows = [row | {"checksum": checksum_of(row)} for row in rows]
         if rows:
             with self._write("record iterations") as connection:
                 connection.execute(insert_once(self._engine, iterations), rows)
@@ -228,7 +230,14 @@ class JobStore:
             .order_by(iterations.c.number)
             .limit(limit)
         )
-        return [{"number": row.number, **msgspec.json.decode(row.record)} for row in self._read(query)]
+        found = self._read(query)
+        for row in found:
+            if not same_checksum(row):
+                raise StoreError(
+                    f"the record of what batch {row.number} of job {job_id} came to is damaged; `tailroad verify` says "
+                    "what else is and what can be saved"
+                )
+        return [{"number": row.number, **msgspec.json.decode(row.record)} for row in found]
 
     def batches(self, job_id: str, epoch: int) -> int:
         """How many batches of an epoch are known to be complete."""

@@ -26,6 +26,9 @@ class JobReader:
         """Every chunk as (phase, iteration, chunk)."""
         return self._store.chunks.all_chunks(self._row.id)
 
+    def other_draws(self, chunk: Chunk) -> None:
+        """It is from before an earlier chunk was voided: the hub voids it when it opens the job."""
+
     def append(self, job_id: str, phase: str, iteration: int, chunk: Chunk) -> None:
         """A reader records nothing: what is here came from workers."""
         raise TypeError("the record of a fleet is written by its hub")

@@ -39,7 +39,7 @@ class ChunkRecord:
             .where(chunks.c.stop > start, sa.true() if stop is None else chunks.c.start < stop)
             .order_by(chunks.c.start, chunks.c.epoch)
         )
-        return [(chunk_of(row), Origin(row.digest, row.worker, row.epoch)) for row in self._read(query)]
+        return [(chunk_of(row), Origin(row.worker, row.epoch)) for row in self._read(query)]
 
     def all_chunks(self, job: str) -> Iterator[tuple[str, int, Chunk]]:
         """Every chunk of a job as (phase, iteration, chunk)."""
@@ -48,19 +48,33 @@ class ChunkRecord:
 
     def with_origins(self, job: str) -> Iterator[tuple[str, int, Chunk, Origin]]:
         """Every chunk of a job as (phase, iteration, chunk, origin)."""
-        query = self._of(job).order_by(chunks.c.phase, chunks.c.iteration, chunks.c.start, chunks.c.epoch)
-        for row in self._read(query):
-            yield row.phase, row.iteration, chunk_of(row), Origin(row.digest, row.worker, row.epoch)
+        for row in self.rows(job):
+            yield row.phase, row.iteration, chunk_of(row), Origin(row.worker, row.epoch)
 
     def digest(self, job: str) -> str:
         """Of all that decides what the job comes to: its chunks' rows, draws, values and epochs."""
         digest = hashlib.blake2b(digest_size=16)
         for phase, iteration, chunk, origin in self.with_origins(job):
             digest.update(
-                repr((phase, iteration, chunk.start, chunk.stop, origin.epoch, origin.digest)).encode()
+                repr((phase, iteration, chunk.start, chunk.stop, origin.epoch, chunk.draws)).encode()
             )
             digest.update(chunk.fingerprint())
         return digest.hexdigest()
+
+    def rows(self, job: str) -> Iterator[sa.Row]:
+        """Every chunk of a job as its row, sound or not."""
+        query = self._of(job).order_by(chunks.c.phase, chunks.c.iteration, chunks.c.start, chunks.c.epoch)
+        yield from self._read(query)
+
+    def jobs(self) -> Iterator[str]:
+        """The jobs of which there are chunks."""
+        for row in self._read(sa.select(chunks.c.job).distinct()):
+            yield row.job
+
+    def without_checksum(self) -> int:
+        """Chunks that were recorded before there were checksums."""
+        (row,) = self._read(sa.select(sa.func.count()).where(chunks.c.checksum == ""))
+        return row[0]
 
     def _of(self, job: str) -> sa.Select:
         same = sa.and_(*(chunks.c[name] == voids.c[name] for name in _KEY))

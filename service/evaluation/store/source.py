@@ -17,5 +17,8 @@ class ChunkSource(Protocol):
     def all_chunks(self, job_id: str) -> Iterator[tuple[str, int, Chunk]]:
         """Every recorded chunk of a job as (phase, iteration, chunk)."""
 
+    def other_draws(self, chunk: Chunk) -> None:
+        """Told of a recorded chunk whose rows are not those that the job draws: StoreError, or it is left out."""
+
     def append(self, job_id: str, phase: str, iteration: int, chunk: Chunk) -> None:
         """Record a finished chunk for good; a chunk that is there already is left as it is."""

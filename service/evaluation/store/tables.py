@@ -7,7 +7,7 @@ one that does not match them is replaced.
 
 import sqlalchemy as sa
 
-VERSION = "0004"  # the newest of migrations/versions
+VERSION = "0005"  # the newest of migrations/versions
 
 metadata = sa.MetaData()
 
@@ -38,6 +38,7 @@ chunks = sa.Table(
     sa.Column("worker_s", sa.Float, nullable=False),  # what it took a worker
     sa.Column("digest", sa.Text, nullable=False),  # of the rows' x and noise seeds, "" = not known
     sa.Column("worker", sa.Text, nullable=False),  # "" = a local process
+    sa.Column("checksum", sa.Text, nullable=False, server_default=""),  # of all the row says, "" = an old row
     sa.Index("chunks_by_worker", "worker"),
 )
 
@@ -89,6 +90,7 @@ iterations = sa.Table(
     _key("number", sa.Integer),
     sa.Column("record", sa.Text, nullable=False),  # ce.TrainingRecord or ce.EstimationRecord as JSON
     sa.Column("at", sa.Text, nullable=False),
+    sa.Column("checksum", sa.Text, nullable=False, server_default=""),  # of all the row says, "" = an old row
 )
 
 quarantine = sa.Table(

@@ -17,6 +17,7 @@ SECTIONS = {
         "replay": "service.front.cli.replay",
         "report": "service.front.cli.report",
         "export": "service.front.cli.export",
+        "verify": "service.front.cli.verify",
     },
     "A service and its workers": {
         "serve": "service.front.cli.serve",

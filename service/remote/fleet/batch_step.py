@@ -13,6 +13,7 @@ import numpy as np
 import ce
 from service.errors import StoreError
 from service.evaluation.store import Chunk, Origin
+from service.evaluation.store.draws import row_hashes, rows_digest
 
 ReadChunks = Callable[[str, int, int, int], list[tuple[Chunk, Origin]]]  # of (phase, iteration, start, stop)
 ChunkName = tuple[str, int, int, int]  # phase, iteration, start, epoch
@@ -42,29 +43,6 @@ class BatchStep:
         """Of rows [start, stop) of the batch, counted as the batch counts them."""
         assert self.batch is not None
         return rows_digest(self.hashes[start - self.batch.start : stop - self.batch.start])
-
-
-def row_hashes(x: np.ndarray, noise_seeds: np.ndarray) -> np.ndarray:
-    """A 64-bit number for each row of x (n, d) and noise seed (n,), that differs where a bit differs.
-
-    Against accidents, not against forgers.
-    """
-    multipliers = (
-        np.random.Generator(np.random.Philox(x.shape[1])).bit_generator.random_raw(x.shape[1] + 1) | 1
-    )
-    words = np.ascontiguousarray(x, dtype="<f8").view(np.uint64)
-    sums = np.empty(len(noise_seeds), dtype=np.uint64)
-    for first in range(0, len(noise_seeds), 256):  # a few rows at a time stay in the cache
-        part = slice(first, first + 256)
-        mixed = words[part] ^ (words[part] >> np.uint64(32))
-        sums[part] = (mixed * multipliers[:-1]).sum(axis=1, dtype=np.uint64)
-    return sums + noise_seeds.astype(np.uint64) * multipliers[-1]
-
-
-def rows_digest(hashes: np.ndarray) -> str:
-    """One digest for some rows' hashes, in their order."""
-    places = np.arange(1, 2 * hashes.size, 2, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15)
-    return f"{int((hashes * places).sum(dtype=np.uint64)):016x}"
 
 
 @dataclass(frozen=True)
@@ -133,7 +111,7 @@ def _filled(step: BatchStep, epoch: int, read: ReadChunks) -> tuple[BatchStep, l
     for chunk, origin in read(batch.phase, batch.iteration, batch.start, batch.stop):
         first, last = max(chunk.start, batch.start), min(chunk.stop, batch.stop)
         whole = (first, last) == (chunk.start, chunk.stop)
-        if origin.digest and not (whole and origin.digest == step.digest(first, last)):
+        if chunk.draws and not (whole and chunk.draws == step.digest(first, last)):
             if origin.epoch == epoch:
                 raise StoreError(
                     f"recorded rollouts [{chunk.start}, {chunk.stop}) of {batch.phase} {batch.iteration} are of other "

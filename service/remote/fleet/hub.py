@@ -114,6 +114,8 @@ class Hub:
 
     def start(self) -> None:
         """Take up every job of the database that is not over, and go."""
+        if old := self.store.chunks.without_checksum():
+            log.warning("%d chunks were recorded before there were checksums; they are read as they are", old)
         for row in self.store.jobs_with(OPEN):
             self.take_up(row)
         self._thread.start()

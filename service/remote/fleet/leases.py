@@ -1,5 +1,7 @@
 """What becomes of chunks that are out: answered and recorded, or lost and given out again."""
 
+from dataclasses import replace
+
 from service.evaluation.store import Chunk, Origin, failed_chunk
 from service.remote.fleet import events as E
 from service.remote.fleet.assignment import Assignment
@@ -68,7 +70,7 @@ class Leases:
         del job.flights[span]
         job.answers[span] = (chunk.fingerprint(), worker)
         self._state.last_ticket += 1
-        origin = Origin(key.digest, worker, job.epoch)
+        chunk, origin = replace(chunk, draws=key.digest), Origin(worker, job.epoch)
         self._tickets[self._state.last_ticket] = Ticket(key, chunk, worker, request, job.generation)
         self._state.do(E.Record(self._state.last_ticket, job.id, key.phase, key.iteration, chunk, origin))
 

@@ -17,8 +17,8 @@ from service.errors import TailroadError
 from service.evaluation.job import Problem
 from service.evaluation.parent import end_with_parent
 from service.evaluation.pool import Work, run_chunk
+from service.evaluation.store.draws import row_hashes, rows_digest
 from service.remote.fleet.answers import answer_of
-from service.remote.fleet.batch_step import row_hashes, rows_digest
 from service.remote.fleet.messages import (
     Answer,
     ChunkKey,

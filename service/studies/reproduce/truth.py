@@ -153,6 +153,9 @@ class GroundTruth:
         if self._unsaved >= SAVED_EVERY:
             self.save()
 
+    def other_draws(self, chunk: Chunk) -> None:
+        """Nothing: what was drawn is not kept of each chunk, but of all by `digest_of`."""
+
     def chunks(
         self, job_id: str, phase: str, iteration: int, start: int = 0, stop: int | None = None
     ) -> list[Chunk]:

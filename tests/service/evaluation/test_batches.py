@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 import ce
+from service.errors import StoreError
 from service.evaluation import batches
 from service.evaluation.batches import RecordedBatches, _gaps
 from service.evaluation.evaluate import evaluate
 from service.evaluation.job import Job, make_job
 from service.evaluation.pool import Work
 from service.evaluation.store import Chunk, RunDirectory
+from service.evaluation.store.draws import row_hashes, rows_digest
 
 BASE = ce.Product([ce.Beta(2.0, 2.0), ce.Beta(2.0, 3.0)])
 
@@ -152,3 +154,22 @@ def test_rollouts_that_failed_stay_failed(tmp_path, job):
 )
 def test_gaps_are_covered_in_pieces_of_at_most_the_size(done, size, expected):
     assert _gaps(np.array([c == "x" for c in done], dtype=bool), size) == expected
+
+
+def test_a_record_of_other_draws_is_refused_and_nothing_is_run(tmp_path, job):
+    """As where the seed in run.json was edited."""
+    with RunDirectory.create(tmp_path / "run", (job,)) as store:
+        run(ALGORITHMS["naive"], store, job, Calculator())
+        pool = Calculator()
+        with pytest.raises(StoreError, match=r"are of other random draws than its run\.json asks for"):
+            evaluate(ALGORITHMS["naive"], 6, RecordedBatches(store, job, pool))
+        assert pool.done == []
+
+
+def test_chunks_say_what_was_drawn(tmp_path, job):
+    with RunDirectory.create(tmp_path / "run", (job,)) as store:
+        run(ALGORITHMS["naive"], store, job, Calculator())
+        x, noise_seeds = ce.draw(BASE, 5, "estimate", 0, 0, 500)
+        for _, _, chunk in store.all_chunks(job.id):
+            rows = slice(chunk.start, chunk.stop)
+            assert chunk.draws == rows_digest(row_hashes(x[rows], noise_seeds[rows]))

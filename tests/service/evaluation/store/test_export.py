@@ -54,7 +54,7 @@ def test_a_fleet_s_jobs_are_exported_together_or_one_by_one(tmp_path, job):
     with JobStore(f"sqlite:///{tmp_path / 'fleet.sqlite'}") as store:
         for i, name in enumerate(("a", "b")):
             store.add_job(name, job, 0, 1.0, "", "running")
-            store.append([(name, "estimate", 0, chunk(3 * i), Origin("", "w", 0))])
+            store.append([(name, "estimate", 0, chunk(3 * i), Origin("w", 0))])
     assert export(str(tmp_path), "--parquet", str(tmp_path / "t.parquet")).exit_code == 0
     assert pl.read_parquet(tmp_path / "t.parquet")["job"].to_list() == ["a"] * 3 + ["b"] * 3
     assert export(str(tmp_path), "--parquet", str(tmp_path / "t.parquet"), "--job", "b").exit_code == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -44,7 +45,7 @@ def bits(c: Chunk) -> tuple:
 
 
 def put(store: JobStore, job: str, one: Chunk, worker: str = "w", epoch: int = 0, iteration: int = 0) -> None:
-    store.append([(job, "train", iteration, one, Origin(f"digest{one.start}", worker, epoch))])
+    store.append([(job, "train", iteration, replace(one, draws=f"digest{one.start}"), Origin(worker, epoch))])
 
 
 def test_jobs_come_back_as_they_were_submitted_in_order(store, job):
@@ -96,7 +97,7 @@ def test_chunks_come_back_to_the_bit_with_where_they_come_from(store):
         put(store, "a", one)
     read = store.chunks.chunks("a", "train", 0, 0, 40)
     assert [bits(c) for c, _ in read] == [bits(c) for c in sorted(written, key=lambda c: c.start)]
-    assert read[0][1] == Origin("digest0", "w", 0)
+    assert (read[0][0].draws, read[0][1]) == ("digest0", Origin("w", 0))
     assert [c.start for c, _ in store.chunks.chunks("a", "train", 0, 6, 30)] == [6]
     assert store.chunks.chunks("a", "train", 1) == store.chunks.chunks("b", "train", 0) == []
 

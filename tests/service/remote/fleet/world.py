@@ -15,10 +15,10 @@ import numpy as np
 import ce
 from service.evaluation.evaluate import evaluate
 from service.evaluation.store import FAILED, Chunk
+from service.evaluation.store.draws import row_hashes, rows_digest
 from service.evaluation.store.jobs import OPEN
 from service.remote.fleet import events as E
 from service.remote.fleet.answers import answer_of, chunk_of
-from service.remote.fleet.batch_step import row_hashes, rows_digest
 from service.remote.fleet.jobs import NEXT_PHASES
 from service.remote.fleet.messages import (
     Answer,

@@ -1,0 +1,110 @@
+"""`tailroad verify`: whether a record says what it said when it was written."""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from service.evaluation.cores import core_count
+from service.front.cli.options import workers_option
+
+if TYPE_CHECKING:
+    from service.evaluation.store.jobs import JobStore
+    from service.evaluation.verify import Verified
+
+
+@click.command()
+@click.argument("run", type=click.Path(path_type=Path), required=False)
+@click.option("--store", "database", help="Instead of RUN: the database of a service, as an URL, or the --home of "
+              "`tailroad serve`.")  # fmt: skip
+@click.option("--sample", type=click.IntRange(min=0), default=10, show_default=True,
+              help="Rollouts of each job to run again, bit for bit.")  # fmt: skip
+@workers_option()
+def command(run: Path | None, database: str | None, sample: int, workers: int | None) -> None:
+    """Check every chunk of RUN, a run directory (or of all jobs of a service, with --store), and run a sample again.
+
+    Tells what is damaged and what can be saved, changes nothing, and ends with exit code 2 where something is damaged.
+    """
+    from service.errors import InputError, StoreError
+    from service.evaluation.store import RunDirectory
+    from service.evaluation.verify import verify
+
+    if (run is None) == (database is None):
+        raise InputError("give a run directory or --store, one of them")
+    processes = workers or core_count()
+    damaged = 0
+    if run is not None:
+        with RunDirectory.open(run) as store:
+            for job in store.jobs:
+                damaged += _tell(verify(job.id, job, store.record.rows(job.id), sample, processes))
+    else:
+        damaged = _of_service(str(database), sample, processes)
+    if damaged:
+        raise StoreError(
+            f"{damaged} {'job is' if damaged == 1 else 'jobs are'} damaged, as told above; nothing was changed: take "
+            "the record from a copy, or run the job again"
+        )
+
+
+def _of_service(database: str, sample: int, workers: int) -> int:
+    """How many of its jobs are damaged."""
+    from service.errors import InputError
+    from service.evaluation.store.database import sqlite_url
+    from service.evaluation.store.jobs import JobStore
+    from service.evaluation.verify import verify
+    from service.front.cli.export import FLEET
+
+    file = Path(database) / FLEET
+    if "://" not in database and not file.is_file():
+        raise InputError(f"--store {database}: give the URL of a database, or a folder that holds {FLEET}")
+    damaged = 0
+    with JobStore(database if "://" in database else sqlite_url(file), new=False) as store:
+        for row in store.jobs(limit=2**31 - 1):
+            found = verify(row.id, row.job, store.chunks.rows(row.id), sample, workers)
+            wrong = _beside(store, row.id)
+            if row.status == "done" and not found.finished:
+                wrong.append("the job is done, and its record does not reach its end")
+            damaged += _tell(found, tuple(wrong))
+    return damaged
+
+
+def _beside(store: "JobStore", job: str) -> list[str]:
+    """What is wrong with what is kept of a job beside its chunks."""
+    from service.errors import StoreError
+
+    wrong = []
+    try:
+        store.iterations(job, limit=2**31 - 1)
+    except StoreError as error:
+        wrong.append(str(error))
+    with suppress(StoreError):  # of a damaged chunk, which is told of by itself
+        kept = store.states.kept(job, store.epoch(job))
+        if kept is not None and not (kept.sound and kept.last.record == store.chunks.digest(job)):
+            wrong.append(
+                "the state kept of it is not of its record; it is not used, and is made again from its chunks"
+            )
+    return wrong
+
+
+def _tell(found: "Verified", more: tuple[str, ...] = ()) -> bool:
+    """Whether it is damaged."""
+    damage = (*found.damage, *more)
+    click.echo(
+        f"{found.job}: {found.chunks} chunks, {found.rollouts} rollouts, "
+        + ("DAMAGED" if damage else "sound")
+        + ("" if found.finished else ", not finished")
+    )
+    if found.again:
+        click.echo(
+            f"  {found.again - found.different} of {found.again} rollouts run again are the same to the bit"
+        )
+    if found.old:
+        click.echo(
+            f"  {found.old} chunks are of before there were checksums: their values are not checked by one"
+        )
+    for line in damage:
+        click.echo(f"  {line}")
+    if damage:
+        click.echo(f"  {found.usable} rollouts can be saved; {found.rollouts - found.sound} are damaged")
+    return bool(damage)
