@@ -96,7 +96,8 @@ class _SoundChunks:
     def take(self, rows: Iterable[sa.Row]) -> None:
         for row in rows:
             self.count += 1
-            self.rollouts += max(row.stop - row.start, 0)
+            if isinstance(row.start, int) and isinstance(row.stop, int):
+                self.rollouts += max(row.stop - row.start, 0)
             try:
                 chunk = chunk_of(row)
             except StoreError as error:
