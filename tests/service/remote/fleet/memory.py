@@ -102,9 +102,10 @@ class _States:
     def __init__(self, record: Record):
         self._states = record.states
 
-    def keep(self, last: LastState) -> None:
+    def keep(self, last: LastState, unreadable: bytes | None = None) -> None:
         there = self._states.get((last.job, last.epoch))
-        if there is None or not there.sound or there.last.record != last.record:
+        same = there is not None and there.sound and there.last.record == last.record
+        if not same or there.last.state == unreadable:
             self._states[last.job, last.epoch] = KeptState(last, True)
 
     def kept(self, job: str, epoch: int) -> KeptState | None:
