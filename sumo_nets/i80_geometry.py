@@ -17,7 +17,7 @@ import numpy as np
 
 from sumo_nets.curves import Curve, arc_length, even_curve, resample, smooth_curve
 from sumo_nets.errors import NetworkError
-from sumo_nets.motorway import Motorway, Ramp, Section, tolerance
+from sumo_nets.motorway import Motorway, Ramp, Section, expectations, tolerance
 from sumo_nets.projection import PROJ, to_utm
 
 LANE_WIDTH_M = 3.66  # 12 ft, the CAD lines' spacing is 3.65 m
@@ -175,20 +175,7 @@ def description(road: Motorway) -> dict:
         # OpenStreetMap's lanes are 3.2 m wide, so away from the middle lane theirs and ours differ
         aside = abs(lane - 3) * (LANE_WIDTH_M - 3.2)
         comparisons.append(tolerance(line, lane, joined, LENGTH_M, *(aside + t for t in (0.2, 0.3, 0.4))))
-    return {
-        "edges": [piece.edge for piece in road.mainline],
-        "expected": {
-            "length_m": [2000.0, 2100.0],
-            "lanes": [LANES, LANES + 1],
-            "lane_width_m": [LANE_WIDTH_M - 0.005, LANE_WIDTH_M + 0.005],
-            "max_curvature_per_m": 1.0 / 400.0,
-            "max_heading_step_rad_per_m": 1.0 / 400.0,
-            "max_curvature_step_per_m2": 1e-4,
-            "max_boundary_step_m_per_m": 0.001,
-            "max_offset_from_net_m": 0.1,
-            "comparisons": comparisons,
-        },
-    }
+    return expectations(road, (2000.0, 2100.0), LANES, LANE_WIDTH_M, comparisons)
 
 
 def reference_lines(raw: RawGeometry) -> dict:

@@ -179,3 +179,29 @@ def tolerance(
     """What the check expects of the distance between a surveyed line and a lane's centre."""
     span = {"line": line, "lane": lane, "from_m": start, "to_m": end}
     return span | {"median_m": round(median, 2), "p95_m": round(p95, 2), "max_m": round(worst, 2)}
+
+
+def expectations(
+    road: Motorway, length_m: tuple[float, float], lanes: int, lane_width_m: float, comparisons: list[dict]
+) -> dict:
+    """What the check expects of a motorway that is built from surveyed lines.
+
+    length_m: shortest and longest, m
+    lanes: of the mainline; an auxiliary lane may lie beside them
+    lane_width_m: as built, m
+    comparisons: of surveyed lines with lanes' centres, see `tolerance`
+    """
+    return {
+        "edges": [piece.edge for piece in road.mainline],
+        "expected": {
+            "length_m": list(length_m),
+            "lanes": [lanes, lanes + 1],
+            "lane_width_m": [lane_width_m - 0.005, lane_width_m + 0.005],
+            "max_curvature_per_m": 1.0 / 400.0,
+            "max_heading_step_rad_per_m": 1.0 / 400.0,
+            "max_curvature_step_per_m2": 1e-4,
+            "max_boundary_step_m_per_m": 0.001,
+            "max_offset_from_net_m": 0.1,
+            "comparisons": comparisons,
+        },
+    }

@@ -12,7 +12,7 @@ import numpy as np
 
 from sumo_nets.curves import even_curve, resample, smooth_curve
 from sumo_nets.errors import NetworkError
-from sumo_nets.motorway import Motorway, Ramp, Section, tolerance
+from sumo_nets.motorway import Motorway, Ramp, Section, expectations, tolerance
 
 FOOT_M = 1200.0 / 3937.0  # the US survey foot, in which the drawing is
 LANE_WIDTH_M = 3.46  # the mean distance of the drawn centre lines
@@ -102,20 +102,7 @@ def description(road: Motorway) -> dict:
     comparisons.append(
         tolerance("cad/auxilliary", LANES + 1, MERGE_M + 3.0, DIVERGE_M - 3.0, 0.25, 0.35, 0.5)
     )
-    return {
-        "edges": [piece.edge for piece in road.mainline],
-        "expected": {
-            "length_m": [720.0, 741.0],
-            "lanes": [LANES, LANES + 1],
-            "lane_width_m": [LANE_WIDTH_M - 0.005, LANE_WIDTH_M + 0.005],
-            "max_curvature_per_m": 1.0 / 400.0,
-            "max_heading_step_rad_per_m": 1.0 / 400.0,
-            "max_curvature_step_per_m2": 1e-4,
-            "max_boundary_step_m_per_m": 0.001,
-            "max_offset_from_net_m": 0.1,
-            "comparisons": comparisons,
-        },
-    }
+    return expectations(road, (720.0, 741.0), LANES, LANE_WIDTH_M, comparisons)
 
 
 def reference_lines(raw: dict[str, np.ndarray]) -> dict:

@@ -52,15 +52,20 @@ def _scripts(seen: Findings) -> dict[str, str]:
     return {"player": player(), "player_hash": player_hash()}
 
 
-def render(template: str, **values: Any) -> str:
-    """A page of a template in `templates/`."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(FOLDER / "templates"),
+def environment_of(templates: Path) -> jinja2.Environment:
+    """What pages are made with: everything is escaped, and a name that is not there is an error."""
+    return jinja2.Environment(
+        loader=jinja2.FileSystemLoader(templates),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+
+
+def render(template: str, **values: Any) -> str:
+    """A page of a template in `templates/`."""
+    environment = environment_of(FOLDER / "templates")
     environment.filters |= {
         "significant": wording.significant,
         "quantity": wording.quantity,

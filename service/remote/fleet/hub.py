@@ -192,9 +192,8 @@ class Hub:
     def _run(self) -> None:
         try:
             self._work()
-        except (
-            BaseException
-        ):  # a panic of Zenoh's is no Exception; without this thread the service only looks alive
+        except BaseException:
+            # a panic of Zenoh's is no Exception; without this thread the service only looks alive
             log.critical(
                 "the scheduler ends: what is in the database goes on at the next start", exc_info=True
             )

@@ -72,9 +72,8 @@ class JobState:
     rollouts: int = 0  # in the record, of all batches
     pending: Pending = field(default_factory=lambda: Pending(np.zeros(0, bool), 0))
     flights: dict[tuple[int, int], Flight] = field(default_factory=dict)
-    answers: dict[tuple[int, int], tuple[bytes, str]] = field(
-        default_factory=dict
-    )  # of the batch: bits, worker
+    # of the batch: bits, worker
+    answers: dict[tuple[int, int], tuple[bytes, str]] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)  # workers that cannot run it, and why
     known: set[str] = field(default_factory=set)  # workers of which a chunk was audited
     waiting: bool = False  # for a worker that decides a dispute, and has said so

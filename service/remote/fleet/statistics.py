@@ -123,9 +123,8 @@ class Statistics:
             known = self._read.get(job)
         mark = self._store.mark(job)
         if known is not None and known.finished and mark.over and known.epoch == mark.epoch:
-            record = self._store.chunks.digest(
-                job
-            )  # if chunks are voided now, the epoch is not the present one
+            # if chunks are voided now, the epoch is not the present one
+            record = self._store.chunks.digest(job)
             self._write_down(self.problem(job), job, known.epoch, record, known.step)
 
     # -- for whoever asks ------------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import jinja2
 from markupsafe import Markup
 
 from policies.realism.measures import QUANTITIES
@@ -16,13 +15,7 @@ FOLDER = Path(__file__).parent
 
 def page_of(facts: dict[str, Any]) -> str:
     """The page, self-contained: style and pictures are inside it."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(FOLDER / "templates"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = page.environment_of(FOLDER / "templates")
     environment.filters |= {"number": number, "share": share, "span": span}
     return environment.get_template("card.html").render(
         facts=facts,

@@ -1,3 +1,8 @@
+"""The report of a run: its facts, its page and its pictures.
+
+Long because one run, made once, is read by all of the tests.
+"""
+
 import base64
 import contextlib
 import dataclasses

@@ -222,9 +222,8 @@ class Wrong(LightRunner):
 def test_wrong_values_are_found_by_an_audit_and_all_of_that_worker_s_chunks_are_run_again(
     tmp_path, job, right
 ):
-    patient = replace(
-        PATIENT, audit_share=0.2, open_audits=1000
-    )  # the job cannot end without the wrong one's chunk
+    # the job cannot end without the wrong one's chunk
+    patient = replace(PATIENT, audit_share=0.2, open_audits=1000)
     with light_fleet(tmp_path, patient) as fleet:
         job_id = fleet.fleet.submit(job).id
         wrong = LightWorker(fleet.port, "wrong", Wrong)
