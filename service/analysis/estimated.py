@@ -11,8 +11,12 @@ from service.analysis.notebook import estimate_html
 class Estimated(msgspec.Struct, frozen=True, kw_only=True):
     """p = P0(f(X) <= gamma), how sure that is, and what it cost. Numbers that are not known are None.
 
-    job: its id; ci: interval of p at level `confidence`; unit: of gamma; ess: effective events; workers, wall_s: of
-    this sitting; worker_s, sim_s: of all.
+    job: its id
+    ci: interval of p at level `confidence`
+    unit: of gamma
+    ess: effective events
+    workers, wall_s: of this sitting
+    worker_s, sim_s: of all
     """
 
     job: str

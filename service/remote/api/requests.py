@@ -41,8 +41,11 @@ class AskEstimate(_Request, frozen=True):
 
 
 class AskCurve(_Request, frozen=True):
-    """gammas: thresholds, separated by commas; or `steps` ones at equal distances from low to high (default: from 0 to
-    twice the job's gamma, and for `ttc-impact` at least from -5 to 1)."""
+    """Parameters of `jobs/ID/curve`.
+
+    gammas: thresholds, separated by commas; or `steps` ones at equal distances from low to high (default: from 0 to
+        twice the job's gamma, and for `ttc-impact` at least from -5 to 1)
+    """
 
     gammas: Annotated[str, Meta(max_length=20_000)] | None = None
     low: float | None = None
@@ -52,7 +55,11 @@ class AskCurve(_Request, frozen=True):
 
 
 class AskFailures(_Request, frozen=True):
-    """by: what ranks first; examine: dangerous rollouts at most to run again and group."""
+    """Parameters of `jobs/ID/failures`.
+
+    by: what ranks first
+    examine: dangerous rollouts at most to run again and group
+    """
 
     limit: Annotated[int, Meta(ge=1, le=500)] = 20
     by: Literal["likelihood", "weight", "f"] = "likelihood"
@@ -60,9 +67,13 @@ class AskFailures(_Request, frozen=True):
 
 
 class AskRollout(_Request, frozen=True):
-    """iteration: of the batch stream that the row counts in (default: that of the estimate); trace: columns of every
-    vehicle's state; playback: what a player needs to show it; camera: pictures of the ego's camera, evenly over the
-    rollout."""
+    """Parameters of `jobs/ID/rollouts/ROW`.
+
+    iteration: of the batch stream that the row counts in (default: that of the estimate)
+    trace: columns of every vehicle's state
+    playback: what a player needs to show it
+    camera: pictures of the ego's camera, evenly over the rollout
+    """
 
     phase: Literal["estimate", "train"] = "estimate"
     iteration: Number | None = None
@@ -72,8 +83,11 @@ class AskRollout(_Request, frozen=True):
 
 
 class AskExport(_Request, frozen=True):
-    """format: scenario (a scenario file that holds the rollout), fcd (SUMO's floating-car data), mp4 (a film), mcap (a
-    recording for viewers of robot logs)."""
+    """Parameters of `jobs/ID/rollouts/ROW/export`.
+
+    format: scenario (a scenario file that holds the rollout), fcd (SUMO's floating-car data), mp4 (a film), mcap (a
+        recording for viewers of robot logs)
+    """
 
     format: Literal["scenario", "fcd", "mp4", "mcap"]
     phase: Literal["estimate", "train"] = "estimate"
@@ -81,13 +95,20 @@ class AskExport(_Request, frozen=True):
 
 
 class AskLearned(_Request, frozen=True):
-    """rollouts: to run again under base and under proposal each, for the behaviours (0: no behaviours)."""
+    """Parameters of `jobs/ID/learned`.
+
+    rollouts: to run again under base and under proposal each, for the behaviours (0: no behaviours)
+    """
 
     rollouts: Annotated[int, Meta(ge=0, le=10_000)] = 100
 
 
 class AskRisk(_Request, frozen=True):
-    """baseline: events per million km, or police-reported or near-crash; source: where a number is from."""
+    """Parameters of `jobs/ID/risk`.
+
+    baseline: events per million km, or police-reported or near-crash
+    source: where a number is from
+    """
 
     baseline: Annotated[str, Meta(max_length=40)] | None = None
     source: Annotated[str, Meta(max_length=200)] | None = None
@@ -96,7 +117,11 @@ class AskRisk(_Request, frozen=True):
 
 
 class AskReport(_Request, frozen=True):
-    """drawn: dangerous rollouts to show; baseline, source: as of the risk."""
+    """Parameters of `jobs/ID/report`.
+
+    drawn: dangerous rollouts to show
+    baseline, source: as of the risk
+    """
 
     drawn: Annotated[int, Meta(ge=0, le=20)] = 6
     baseline: Annotated[str, Meta(max_length=40)] | None = None
@@ -104,8 +129,12 @@ class AskReport(_Request, frozen=True):
 
 
 class AskComparison(_Request, frozen=True):
-    """jobs: two or more, separated by commas; gamma: one threshold for all (default: theirs, which must be the same);
-    examine: dangerous rollouts of each at most to run again and group (0: no failure modes)."""
+    """Parameters of `comparison`.
+
+    jobs: two or more, separated by commas
+    gamma: one threshold for all (default: theirs, which must be the same)
+    examine: dangerous rollouts of each at most to run again and group (0: no failure modes)
+    """
 
     jobs: Annotated[str, Meta(min_length=1, max_length=2000)]
     gamma: float | None = None
@@ -113,8 +142,12 @@ class AskComparison(_Request, frozen=True):
 
 
 class Submission(_Request, frozen=True):
-    """A job to run. scenario: the name of a listed one, or a scenario by value (what its file says, as JSON); options:
-    of the method, beyond budget, rel_error and confidence; measure, noise_mode: in place of the scenario's."""
+    """A job to run.
+
+    scenario: the name of a listed one, or a scenario by value (what its file says, as JSON)
+    options: of the method, beyond budget, rel_error and confidence
+    measure, noise_mode: in place of the scenario's
+    """
 
     scenario: Annotated[str, Meta(min_length=1, max_length=64)] | dict[str, Any]
     gamma: float

@@ -64,8 +64,8 @@ class Service:
     ) -> "RemoteRun":
         """Submit a job and wait for its end; Ctrl-C stops the waiting, not the job.
 
-        scenario: a name that the service lists, a file or a Scenario, which are sent by value; others: rel_error,
-        confidence, seed, measure, noise_mode, priority, weight, label.
+        scenario: a name that the service lists, a file or a Scenario, which are sent by value
+        others: rel_error, confidence, seed, measure, noise_mode, priority, weight, label
         """
         run = self.submit(scenario, ego, gamma=gamma, method=method, budget=budget, options=options, **others)
         return run.wait(progress)
@@ -232,7 +232,9 @@ def client(
 ) -> Service:
     """The service at a Zenoh endpoint, whose jobs are runs like those of this machine.
 
-    connect: where it or a router is; zenoh_config: a file, for TLS and passwords; timeout_s: to wait for an answer.
+    connect: where it or a router is
+    zenoh_config: a file, for TLS and passwords
+    timeout_s: to wait for an answer
 
     >>> import tailroad
     >>> with tailroad.client("tcp/127.0.0.1:7447") as fleet:  # doctest: +SKIP

@@ -136,8 +136,7 @@ class Simulator:
     ):
         """Open SUMO with the scenario's road and vehicles.
 
-        open_camera: makes the camera of an ego that wants one
-        default: one that renders in this process
+        open_camera: makes the camera of an ego that wants one; None: one that renders in this process
         """
         self._scenario = scenario
         self._ego = ego

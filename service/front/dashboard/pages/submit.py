@@ -46,7 +46,13 @@ FIRST = (
 
 @dataclass(frozen=True)
 class Field:
-    """kind: of input; choices: to select from; low, high: in HTML's sense; error: what is wrong with its value."""
+    """A field of the form.
+
+    kind: of input
+    choices: to select from
+    low, high: in HTML's sense
+    error: what is wrong with its value
+    """
 
     name: str
     label: str
