@@ -4,14 +4,14 @@
 
 It learns from the same recordings as the drivers, lane changes left out, by squared error, and from states that it
 reaches itself: on the I-80 road, alone with its like, and among the drivers of a scenario, half of the time with a
-slower vehicle that straddles the marking ahead or is about to. They are labelled by a demonstrator that keeps its lane,
+vehicle that straddles the marking or is about to. They are labelled by a demonstrator that keeps its lane,
 gives way to a neighbour who comes too close, follows more carefully than the recorded average (CAREFUL below) and
 avoids conflicts that it sees coming (service.training.demonstrator). Written to --out: ego-NAME.safetensors with its
 card ego-NAME.json. Minutes on one core; an interrupted run continues after its last finished stage.
 
 The ego of the paper's scenarios learned from the careful part of that demonstrator alone:
 
-    tailroad train ego-lidar --data DIR --out DIR --seed 1 --name lidar-paper --demonstrator careful
+    tailroad train ego-lidar --data DIR --out DIR --seed 1 --name lidar-paper --demonstrator careful --swerving 0
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ import torch
 from rich.progress import Progress
 
 from policies.drivers import load_drivers, save_drivers
-from policies.layout import HEAD_SIZE, OUTPUTS
+from policies.layout import HEAD_SIZE, LANE_CURVATURE_PER_M, OUTPUTS, SPEED_MPS
 from service.training import metrics
 from service.training.aggregation import visited, visited_among
 from service.training.demonstrations import AGGREGATED, Rows, joined
@@ -74,6 +74,7 @@ class Arguments:
     rollouts: int = 80  # of six egos, in each round
     among: int = 1200  # rollouts of one ego among drivers, in each round
     urgency: float = 2.0  # added weight of a visited state for each m/s^2 that its expert brakes
+    swerving: float = 3.0  # added weight for each m/s^2 that it accelerates across the lane
     first_steps: int = 1500  # of AdamW on the recordings alone, before the first round
     round_steps: int = 1500  # in each round
     final_steps: int = 8_000  # on all rows
@@ -172,10 +173,13 @@ def quiet(network: Network, log_std: float = -5.0) -> Network:
 
 
 def urgency(arguments: Arguments, rows: Rows) -> np.ndarray:
-    """Shares (n,) of rows in a batch, adding to 1: states that call for hard braking are few and matter most."""
+    """Shares (n,) of rows in a batch, adding to 1: states that call for hard braking or a swerve are few and matter."""
     weight = np.ones(len(rows))
     if rows.kind[0] == AGGREGATED:
         weight += arguments.urgency * np.clip(-rows.action[:, 0], 0.0, None)
+        speed = rows.seen[:, SPEED_MPS].astype(np.float64)
+        across = rows.action[:, 1] * speed - rows.seen[:, LANE_CURVATURE_PER_M] * speed**2
+        weight += arguments.swerving * np.abs(across)
     return weight / weight.sum()
 
 

@@ -28,9 +28,7 @@ from service.world.sim.world import DriverNetwork, World
 Policy = Callable[[np.ndarray], tuple[float, float]]  # observation (51,) -> m/s^2 and rad/s
 
 
-HARDER_SHARE = (
-    0.5  # of the rollouts in which egos learn: a slower neighbour straddles the marking ahead, or is about to
-)
+HARDER_SHARE = 0.5  # of the rollouts in which egos learn: a neighbour straddles the marking, or is about to
 SWAY_SHARE, SWAY = 0.3, (0.5, 0.01)  # of the rollouts, with disturbed actions of so many m/s^2 and rad/s
 EVERY = 2  # steps between the moments kept
 
@@ -100,7 +98,7 @@ class Traffic:
                 a, w = a + sway[k, 0], w + sway[k, 1]
             world.advance(a, w, noise[k])
             status, _ = world.observe()
-        km = (me[A.STATION] * spacing + me[A.ALONG_M] - start_m) / 1000.0
+        km = float(me[A.STATION] * spacing + me[A.ALONG_M] - start_m) / 1000.0
         return Drive(
             status,
             km,
@@ -110,8 +108,8 @@ class Traffic:
         )
 
     def harder(self, x: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """The draw x with a slower vehicle of the next lane 12 to 35 m ahead of the ego, towards its lane by up to
-        1.5 m and moving there at up to 0.5 m/s."""
+        """The draw x with a vehicle of the next lane up to 10 m behind or 35 m ahead of the ego, up to 3 m/s faster or
+        9 m/s slower, nearer to the ego's lane by up to 1.5 m and moving there at up to 0.7 m/s."""
         vehicles, ego = self.scenario.vehicles, self.scenario.vehicles[self.world.ego]
         beside = [v for v in vehicles if abs(v.lane - ego.lane) == 1]
         if not beside:
@@ -121,15 +119,17 @@ class Traffic:
         names = list(self.base.names or ())
         changed = x.copy()
         speed = x[names.index(f"{ego.name}.speed_mps")]
-        slower = max(speed - rng.uniform(1.0, 9.0), 2.0)
-        changed[names.index(f"{other.name}.station_m")] = x[
-            names.index(f"{ego.name}.station_m")
-        ] + rng.uniform(12, 35)
-        changed[names.index(f"{other.name}.speed_mps")] = slower
-        changed[names.index(f"{other.name}.lane_offset_m")] += towards * rng.uniform(0.0, 1.5)
+        along = rng.uniform(-10.0, 35.0)
+        other_speed = max(speed - rng.uniform(-3.0, 9.0), 2.0)
+        nearer = (
+            rng.uniform(0.0, 1.5) if along > 10.0 else rng.uniform(0.0, 0.8)
+        )  # nobody starts inside another's box
+        changed[names.index(f"{other.name}.station_m")] = x[names.index(f"{ego.name}.station_m")] + along
+        changed[names.index(f"{other.name}.speed_mps")] = other_speed
+        changed[names.index(f"{other.name}.lane_offset_m")] += towards * nearer
         heading = f"{other.name}.heading_deg"
         if heading in names:
-            changed[names.index(heading)] = np.rad2deg(towards * rng.uniform(0.0, 0.5) / slower)
+            changed[names.index(heading)] = np.rad2deg(towards * rng.uniform(0.0, 0.7) / other_speed)
         return changed
 
     def visited(self, network: Network, expert: Expert, rollouts: int, rng: np.random.Generator) -> Rows:

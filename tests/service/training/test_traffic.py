@@ -36,7 +36,7 @@ def test_a_drive_is_the_services_rollout(traffic):
         assert 0.05 < drive.km < 0.3
 
 
-def test_a_harder_start_puts_a_slower_vehicle_ahead_on_its_way_into_the_lane(traffic):
+def test_a_harder_start_puts_a_vehicle_on_its_way_into_the_lane(traffic):
     rng = np.random.default_rng(1)
     x = ce.draw(traffic.base, 1, "estimate", 0, 0, 20)[0]
     for row in x:
@@ -44,8 +44,8 @@ def test_a_harder_start_puts_a_slower_vehicle_ahead_on_its_way_into_the_lane(tra
         before, _ = unpack(traffic.scenario, row)
         (other,) = (i for i, (a, b) in enumerate(zip(starts, before, strict=True)) if a != b)
         me, you = starts[traffic.world.ego], starts[other]
-        assert 12.0 <= you.station_m - me.station_m <= 35.0
-        assert you.speed_mps < me.speed_mps
+        assert -10.0 <= you.station_m - me.station_m <= 35.0
+        assert -9.0 <= you.speed_mps - me.speed_mps <= 3.0
         towards = np.sign(
             you.lane - me.lane
         )  # lanes are numbered from the left, offsets are positive to the left

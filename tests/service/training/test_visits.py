@@ -32,7 +32,7 @@ def test_the_egos_states_only(visits):
 
 
 def test_braking_weighs_more(visits, tmp_path):
-    arguments = Arguments(data=tmp_path, out=tmp_path)
+    arguments = Arguments(data=tmp_path, out=tmp_path, swerving=0.0)
     weight = urgency(arguments, labelled(visits, Expert()))
     wanted = mean_action(Expert(), visits.seen)[:, 0]
     assert weight.sum() == pytest.approx(1.0)
