@@ -29,7 +29,7 @@ help:
 # The search is kept near the base (--max-kl) and to the starts (--mean-box): with 20,000 rollouts the paper's own settings
 # follow noise in the 404 driver weights and lose most of the event (README, "Measured").
 estimate: $(VENV)/.installed
-	$(BIN)/tailroad estimate i80-paper-10s --ego lidar --gamma 0.5 --method naive --method ce --budget 20000 --seed 1 \
+	$(BIN)/tailroad estimate i80-paper-10s --ego lidar-paper --gamma 0.5 --method naive --method ce --budget 20000 --seed 1 \
 	  --iterations 4 --samples-per-iteration 1500 --rho 0.1 --mean-box 0.0001 --max-kl 2.5
 
 # Test files are spread over the cores, four at most: many of them start processes of their own.

@@ -6,6 +6,7 @@ import msgspec
 
 from service.analysis.estimate_parts import EstimateWarning, Rollouts
 from service.analysis.notebook import estimate_html
+from service.evaluation.summary import Ending
 
 
 class Estimated(msgspec.Struct, frozen=True, kw_only=True):
@@ -15,6 +16,7 @@ class Estimated(msgspec.Struct, frozen=True, kw_only=True):
     ci: interval of p at level `confidence`
     unit: of gamma
     ess: effective events
+    endings: how its rollouts ended, with probabilities by the same weights
     workers, wall_s: of this sitting
     worker_s, sim_s: of all
     """
@@ -46,6 +48,7 @@ class Estimated(msgspec.Struct, frozen=True, kw_only=True):
     x_realtime_per_core: float | None
     unit: str = ""
     measure: str = ""
+    endings: tuple[Ending, ...] = ()
 
     def _repr_html_(self) -> str:
         return estimate_html(self)

@@ -12,10 +12,12 @@ import ce
 from ce.streams import CHUNK as STREAM_BLOCK
 from service.errors import InputError
 from service.evaluation.batches import RecordedBatches
+from service.evaluation.endings import endings_of
 from service.evaluation.evaluate import evaluate
 from service.evaluation.job import Job, Problem
 from service.evaluation.pool import OUTCOME_NAMES
 from service.evaluation.store import ChunkSource
+from service.evaluation.summary import Ending
 
 BatchKey = tuple[str, int]  # phase, iteration
 
@@ -48,6 +50,7 @@ class JobRecord:
     explicit: x, noise seed and f of the events and failures of batches that cannot be drawn from parameters alone, by
         (phase, iteration, row)
     outcomes: how the recorded rollouts of each phase ended
+    endings: how those ended that the estimate is made of, with probabilities
     errors: phase, iteration, row and reason of each failed rollout
     recorded: rollouts on record, those of an incomplete batch included
     worker_s, sim_s: seconds of workers, and simulated seconds, that they took
@@ -66,6 +69,7 @@ class JobRecord:
     explicit: dict[tuple[str, int, int], tuple[np.ndarray, int, float]]
     outcomes: dict[str, Counter[str]]
     errors: tuple[tuple[str, int, int, str], ...]  # phase, iteration, row, reason
+    endings: tuple[Ending, ...]
     recorded: int
     worker_s: float
     sim_s: float
@@ -171,7 +175,8 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
     outcomes: dict[str, Counter[str]] = {}
     errors: list[tuple[str, int, int, str]] = []
     count, worker_s, steps = 0, 0.0, 0
-    for phase, iteration, chunk in store.all_chunks(job.id):
+    chunks = list(store.all_chunks(job.id))
+    for phase, iteration, chunk in chunks:
         codes, counts = np.unique(chunk.outcomes, return_counts=True)
         ended = outcomes.setdefault(phase, Counter())
         for code, times in zip(codes.tolist(), counts.tolist(), strict=True):
@@ -193,6 +198,7 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
         explicit=explicit,
         outcomes=outcomes,
         errors=tuple(errors),
+        endings=endings_of(estimate, chunks),
         recorded=count,
         worker_s=worker_s,
         sim_s=steps * job.scenario.time.step_s,

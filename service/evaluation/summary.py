@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import msgspec
 import numpy as np
 
 import ce
@@ -14,7 +15,22 @@ from service.world.scenario.measures import measure_kind
 SHAKY = {"no-rollouts", "no-events", "few-events", "dominant-weight", "heavy-tailed-weights"}
 
 
-def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost") -> dict[str, Any]:
+class Ending(msgspec.Struct, frozen=True):
+    """One way in which rollouts of the estimate ended.
+
+    outcome: "collision", "off-road", "reversing", "finished" (end of the road), "horizon" (time up) or "error"
+    rollouts: that ended so, of those that the estimate is made of, as drawn
+    p: probability of this ending under P0; None where no rollout is there yet
+    ci: interval of p, with the estimate's confidence
+    """
+
+    outcome: str
+    rollouts: int
+    p: float | None
+    ci: tuple[float, float]
+
+
+def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost", endings: Sequence[Ending]) -> dict[str, Any]:
     """The object that `tailroad estimate --json` prints."""
     low, high = estimate.ci
     return {
@@ -40,6 +56,7 @@ def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost") -> dict[str, Any]:
         "scenario": job.scenario.name,
         "measure": job.scenario.safety.measure,
         "unit": measure_kind(job.scenario.safety.measure).unit,
+        "endings": msgspec.to_builtins(endings),
         "ego": job.ego,
         "seed": job.seed,
         "options": job.options,

@@ -45,7 +45,7 @@ def tell(text: str) -> None:
 def write_job(home: Path, rollouts: int, keep: bool = True) -> str:
     """The job's record, as a fleet leaves it. keep: with its last state."""
     options = {"budget": rollouts, "batch_size": BATCH}
-    job = make_job(load_scenario("i80-10s"), "idm", 0.01, "naive", 1, options)
+    job = make_job(load_scenario("i80-paper-10s"), "idm", 0.01, "naive", 1, options)
     f = np.random.default_rng(1).random(rollouts) * 4.0
     with JobStore(f"sqlite:///{home / 'fleet.sqlite'}") as store:
         store.add_job("jmillion", job, 0, 1.0, "A million rollouts", "running")

@@ -55,7 +55,7 @@ def _host(port: int, host: int, count: int, quick: bool) -> None:
 
 def _job(budget: int) -> Job:
     return make_job(
-        load_scenario("i80-10s"), "idm", 0.5, "naive", 1, {"budget": budget, "batch_size": 20_000}
+        load_scenario("i80-paper-10s"), "idm", 0.5, "naive", 1, {"budget": budget, "batch_size": 20_000}
     )
 
 
@@ -146,7 +146,7 @@ def efficiency(rollouts: int = 4000) -> dict:
     processes of either counted, which other programs on the machine hardly change; and the share of time that workers
     are busy, which they hardly change either."""
     cores = len(os.sched_getaffinity(0))
-    job = make_job(load_scenario("i80-10s"), "lidar", 0.5, "naive", 1, {"budget": rollouts})
+    job = make_job(load_scenario("i80-paper-10s"), "lidar", 0.5, "naive", 1, {"budget": rollouts})
     x, noise_seeds = ce.draw(Problem(job).base, 1, "estimate", 0, 0, rollouts)
     works = [Work(i, x[i : i + 100], noise_seeds[i : i + 100]) for i in range(0, rollouts, 100)]
     with LocalPool(job, cores) as pool:

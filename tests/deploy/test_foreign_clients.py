@@ -24,7 +24,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
 
 ROOT = Path(__file__).parents[2]
 BUILT = Path(os.environ.get("TAILROAD_FOREIGN_CLIENTS", ROOT / "build" / "foreign-clients")) / "bin"
-JOB = {"scenario": "i80-10s", "ego": "idm", "gamma": 0.5, "method": "naive", "budget": 400, "seed": 7}
+JOB = {"scenario": "i80-paper-10s", "ego": "idm", "gamma": 0.5, "method": "naive", "budget": 400, "seed": 7}
 START_S = 60.0
 
 

@@ -32,7 +32,7 @@ SMALL = ("--gamma", "1.5", "--budget", "1000", "--workers", "2", "--seed", "5", 
 
 
 def test_estimate_compares_naive_monte_carlo_and_the_cross_entropy_method(tmp_path: Path) -> None:
-    done = run(tmp_path, "estimate", "i80-10s", "--ego", "lidar", "--method", "naive", "--method", "ce",
+    done = run(tmp_path, "estimate", "i80-paper-10s", "--ego", "lidar", "--method", "naive", "--method", "ce",
                "--rho", "0.1", *[a for a in SMALL if a != "--no-report"], "--out", "both")  # fmt: skip
     result = json.loads(done.stdout)
     naive, ce = result["estimates"]
@@ -54,7 +54,7 @@ def test_estimate_compares_naive_monte_carlo_and_the_cross_entropy_method(tmp_pa
 
 
 def test_an_interrupted_estimate_is_continued_to_the_same_result(tmp_path: Path) -> None:
-    command = ("estimate", "i80-10s", "--ego", "idm", "--method", "naive", *SMALL)
+    command = ("estimate", "i80-paper-10s", "--ego", "idm", "--method", "naive", *SMALL)
     whole = json.loads(run(tmp_path, *command, "--out", "whole").stdout)
     with subprocess.Popen(
         [TAILROAD, *command, "--out", "broken"],
@@ -77,7 +77,8 @@ def test_an_interrupted_estimate_is_continued_to_the_same_result(tmp_path: Path)
 
 
 def test_a_precision_that_the_budget_does_not_reach_is_exit_code_3(tmp_path: Path) -> None:
-    done = run(tmp_path, "estimate", "i80-10s", "--ego", "idm", "--method", "naive", "--gamma", "0.1", "--budget", "50",
+    done = run(tmp_path, "estimate", "i80-paper-10s", "--ego", "idm", "--method", "naive", "--gamma", "0.1",
+               "--budget", "50",
                "--rel-error", "0.01", "--workers", "1", "--json", "--no-report", expect=3)  # fmt: skip
     assert json.loads(done.stdout)["converged"] is False
 
@@ -92,8 +93,8 @@ def test_a_precision_that_the_budget_does_not_reach_is_exit_code_3(tmp_path: Pat
         (("estimate", "--gamma", "1", "--budget", "0"), "budget"),
         (("estimate", "--gamma", "1", "--method", "ce", "--budget", "500"), "budget"),
         (("estimate", "--resume", "."), "run.json"),
-        (("rollout", "i80-10s", "--video", "film.avi"), ".mp4"),
-        (("rollout", "i80-10s", "--trace", "missing/trace.parquet"), "missing"),
+        (("rollout", "i80-paper-10s", "--video", "film.avi"), ".mp4"),
+        (("rollout", "i80-paper-10s", "--trace", "missing/trace.parquet"), "missing"),
         (("scenario", "show", "i81"), "i80"),
         (("nets", "check", "nowhere.net.xml"), "nowhere.net.xml"),
     ],
@@ -108,7 +109,7 @@ def test_bad_input_is_exit_code_2_and_one_clear_text(
 
 
 def test_a_rollout_is_the_same_twice_and_can_be_seen_in_every_way(tmp_path: Path) -> None:
-    command = ("rollout", "i80-10s", "--ego", "lidar", "--seed", "7", "--json")
+    command = ("rollout", "i80-paper-10s", "--ego", "lidar", "--seed", "7", "--json")
     first = json.loads(run(tmp_path, *command).stdout)
     again = json.loads(
         run(tmp_path, *command, "--video", "film.mp4", "--trace", "t.parquet", "--fcd", "fcd.xml").stdout
@@ -128,7 +129,7 @@ def test_a_rollout_is_the_same_twice_and_can_be_seen_in_every_way(tmp_path: Path
 
 def test_scenarios_are_listed_shown_and_checked(tmp_path: Path) -> None:
     listed = json.loads(run(tmp_path, "scenario", "list", "--json").stdout)
-    assert {s["name"] for s in listed} >= {"i80", "i80-10s"}
+    assert {s["name"] for s in listed} >= {"i80", "i80-10s", "i80-paper-10s"}
     (tmp_path / "mine.toml").write_text(run(tmp_path, "scenario", "show", "i80").stdout)
     assert "mine.toml: good" in run(tmp_path, "scenario", "check", "mine.toml").stdout
     broken = (tmp_path / "mine.toml").read_text().replace("speed_mps", "speed_kmh")

@@ -42,8 +42,8 @@ def test_the_wheel_drives_the_same_bits_from_any_directory(installed: Path, tmp_
         assert done.returncode == 0, done.stderr
         return done.stdout
 
-    assert "good" in call(installed, "scenario", "check", "i80", "i80-10s")
-    rollout = ("rollout", "i80-10s", "--ego", "lidar", "--seed", "3", "--json")
+    assert "good" in call(installed, "scenario", "check", "i80", "i80-paper-10s")
+    rollout = ("rollout", "i80-paper-10s", "--ego", "lidar", "--seed", "3", "--json")
     there = json.loads(call(installed, *rollout))
     here = json.loads(call(Path(sys.executable).parent, *rollout))
     assert there == here
@@ -60,5 +60,5 @@ def test_the_wheel_drives_the_same_bits_from_any_directory(installed: Path, tmp_
         "run",
         "--json",
     )
-    assert json.loads(call(installed, "estimate", "i80-10s", *estimate))["rollouts"]["total"] == 20
+    assert json.loads(call(installed, "estimate", "i80-paper-10s", *estimate))["rollouts"]["total"] == 20
     assert (tmp_path / "run" / "report.html").is_file()

@@ -32,10 +32,10 @@ from tests.fuzz.payloads import changed, damaged, json_of, text
 from tests.fuzz.target import Target
 from tests.sumo_nets.conftest import net_text
 
-I80 = tomllib.loads((loading.FOLDER / "i80-10s.toml").read_text(encoding="utf-8"))
+I80 = tomllib.loads((loading.FOLDER / "i80-paper-10s.toml").read_text(encoding="utf-8"))
 BATCH = """format = 1
 name = "nightly"
-scenarios = ["i80-10s", "us101-10s"]
+scenarios = ["i80-paper-10s", "us101-paper-10s"]
 egos = ["lidar", "idm"]
 gammas = [0.5, 0.2]
 methods = ["auto", "ce"]
@@ -59,7 +59,7 @@ class FileTargets:
         self._weights, card = weights.read_bytes(), weights.with_suffix(".json").read_bytes()
         self._drivers = folder / "drivers.safetensors"
         self._drivers.write_bytes(self._weights)
-        self._scenario_10s = load_scenario("i80-10s")
+        self._scenario_10s = load_scenario("i80-paper-10s")
         (folder / "recording.txt").write_bytes(_recording())
         import_file(folder / "recording.txt", folder / "imported")
         table = (folder / "imported" / "recording.parquet").read_bytes()
@@ -249,11 +249,11 @@ def _network() -> bytes:
 
 
 def _job() -> Job:
-    return make_job(load_scenario("i80-10s"), "idm", 0.5, "naive", 1, {"budget": 100})
+    return make_job(load_scenario("i80-paper-10s"), "idm", 0.5, "naive", 1, {"budget": 100})
 
 
 def _toml_bytes() -> bytes:
-    return (loading.FOLDER / "i80-10s.toml").read_bytes()
+    return (loading.FOLDER / "i80-paper-10s.toml").read_bytes()
 
 
 def _recording() -> bytes:

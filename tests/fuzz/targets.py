@@ -55,9 +55,9 @@ from tests.fuzz.payloads import bodies, damaged, json_of, parameters, text
 from tests.fuzz.target import Target
 
 OPEN_BYTES = 150_000_000  # that open jobs may hold together
-SUBMISSION = {"scenario": "i80-10s", "ego": "idm", "gamma": 0.5, "method": "ce", "budget": 20_000, "rel_error": 0.5,
-              "confidence": 0.9, "options": {"rho": 0.2, "iterations": 2}, "seed": 3, "priority": 1, "weight": 2.0,
-              "label": "a label"}  # fmt: skip
+SUBMISSION = {"scenario": "i80-paper-10s", "ego": "idm", "gamma": 0.5, "method": "ce", "budget": 20_000,
+              "rel_error": 0.5, "confidence": 0.9, "options": {"rho": 0.2, "iterations": 2}, "seed": 3,
+              "priority": 1, "weight": 2.0, "label": "a label"}  # fmt: skip
 KEYS = (
     "about", "health", "scenarios", "egos", "workers", "jobs", "jobs/{job}", "jobs/{job}/estimate", "jobs/{job}/curve",
     "jobs/{job}/iterations", "jobs/{job}/events", "jobs/{job}/pause", "jobs/{job}/resume", "jobs/{job}/failures",
@@ -163,7 +163,7 @@ def _option(payload: str) -> str:
 def _messages() -> list[bytes]:
     """Every message of the fleet, as it should be."""
     key = ChunkKey("j1", "train", 0, 0, 2, "00" * 16)
-    job = make_job(load_scenario("i80-10s"), "idm", 0.5, "naive", 1, {"budget": 100})
+    job = make_job(load_scenario("i80-paper-10s"), "idm", 0.5, "naive", 1, {"budget": 100})
     n = np.zeros(2)
     every = [
         Hello("w1", Capabilities(2, ("idm",), True, False, {"tailroad": "1"}, "host", 7)),

@@ -137,7 +137,7 @@ def _job(record: JobRecord, against_naive: AgainstNaive | None, gammas: np.ndarr
     job, estimate = record.job, record.estimate
     cost = Cost(workers=0)
     cost.add(record.worker_s, record.sim_s)
-    summary = summary_of(job, estimate, cost)
+    summary = summary_of(job, estimate, cost, record.endings)
     del summary["workers"], summary["wall_s"]  # of a sitting, which the record does not know
     answer, interval = words.answer(summary)
     trace, curve = estimate.trace(), estimate.curve(gammas)

@@ -11,6 +11,7 @@ from service.analysis.estimate_parts import EstimateWarning, Rollouts
 from service.analysis.failures.objects import Failure, Modes
 from service.analysis.learned.objects import Learned
 from service.analysis.risk import Risk
+from service.evaluation.summary import Ending
 
 FORMAT = 2
 Number = float | None
@@ -204,6 +205,7 @@ class JobFacts(_Fact, frozen=True):
     training: tuple[TrainingStep, ...]
     estimation: tuple[EstimationStep, ...]
     outcomes: dict[str, dict[str, int]]  # by phase
+    endings: tuple[Ending, ...]
     failures: FailedRollouts
     driver_shift: DriverShift | None
     worker_s: float

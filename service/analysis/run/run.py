@@ -23,12 +23,13 @@ from service.analysis.report import write_report
 from service.analysis.risk import Risk, risk_of
 from service.analysis.run.records import record_of, write_file
 from service.errors import InputError
+from service.evaluation.endings import endings_of
 from service.evaluation.job import Job, Problem
 from service.evaluation.pool import OUTCOME_NAMES
 from service.evaluation.record import JobRecord
 from service.evaluation.store import RunDirectory
 from service.evaluation.store.export import table_of
-from service.evaluation.summary import Cost, comparisons, json_ready, summary_of
+from service.evaluation.summary import Cost, Ending, comparisons, json_ready, summary_of
 
 
 class Run:
@@ -59,7 +60,16 @@ class Run:
     @cached_property
     def estimates(self) -> dict[str, Estimated]:
         """What each job came to, by id."""
-        return {job.id: estimated(job, self.results[job.id], self.costs[job.id]) for job in self.jobs}
+        return {
+            job.id: estimated(job, self.results[job.id], self.costs[job.id], self.endings[job.id])
+            for job in self.jobs
+        }
+
+    @cached_property
+    def endings(self) -> dict[str, tuple[Ending, ...]]:
+        """How each job's rollouts ended, with probabilities by the weights of its estimate, by id."""
+        with RunDirectory.open(self.path) as store:
+            return {job.id: endings_of(self.results[job.id], store.all_chunks(job.id)) for job in self.jobs}
 
     @property
     def estimate(self) -> Estimated:
@@ -74,7 +84,7 @@ class Run:
     def save(self, risks: dict[str, Risk]) -> dict[str, Any]:
         """Write result.json into the run directory; what it says: one estimate, or several and their comparison."""
         told = [
-            summary_of(job, self.results[job.id], self.costs[job.id])
+            summary_of(job, self.results[job.id], self.costs[job.id], self.endings[job.id])
             | {"risk": json_ready(msgspec.to_builtins(risks.get(job.id)))}
             for job in self.jobs
         ]
@@ -134,9 +144,9 @@ class Run:
         return Replay(self.path, record_of(self.path, job)[0], rank, by)
 
 
-def estimated(job: Job, estimate: ce.Estimate, cost: Cost) -> Estimated:
+def estimated(job: Job, estimate: ce.Estimate, cost: Cost, endings: tuple[Ending, ...]) -> Estimated:
     """What a job came to."""
-    return msgspec.convert(json_ready(summary_of(job, estimate, cost)) | {"job": job.id}, Estimated)
+    return msgspec.convert(json_ready(summary_of(job, estimate, cost, endings)) | {"job": job.id}, Estimated)
 
 
 class Replay:

@@ -30,6 +30,7 @@ from service.front.cli.options import (
 )
 from service.front.cli.progress import Shown, progress_bar, stderr
 from service.front.cli.tables import whole
+from service.world.scenario.measures import IMPACT
 from service.world.scenario.noise_mode import NoiseMode
 
 NOT_PRECISE = 3
@@ -118,7 +119,8 @@ def command(
             else:
                 if gamma is None:
                     raise InputError(
-                        "give the event's threshold, as in --gamma 0.2 (seconds of time to collision)"
+                        "give the event's threshold in the measure's unit, as in --gamma 0.5 (seconds to collision), "
+                        f"or --gamma 0 with the measure {IMPACT} (a contact)"
                     )
                 run = estimate(
                     scenario or "i80-10s",
@@ -181,6 +183,8 @@ def _print(summaries: list[dict[str, Any]], compared: list[dict[str, Any]]) -> N
     row("effective events (ESS)", [f"{s['ess']:.1f}" for s in summaries])
     row("largest weight share", [f"{s['max_weight_share']:.1%}" for s in summaries])
     row("failed rollouts", [f"{s['rollouts']['failed']:,}" for s in summaries])
+    for outcome in dict.fromkeys(e["outcome"] for s in summaries for e in s["endings"]):
+        row(f"ended with {outcome}", [_ending(s, outcome) for s in summaries])
     if compared:
         for label, key in (
             ("ratio of rare events", "ratio_of_rare_events"),
@@ -203,6 +207,14 @@ def _p(summary: dict[str, Any]) -> str:
         return "not known"
     trust = "" if summary["variance_reliable"] else "\n(see the warnings)"
     return f"{summary['p']:.3g} ± {summary['std_error']:.2g}{trust}"
+
+
+def _ending(summary: dict[str, Any], outcome: str) -> str:
+    """p of an ending, its interval, and the rollouts that ended so."""
+    found = next((e for e in summary["endings"] if e["outcome"] == outcome), None)
+    if found is None or found["p"] is None:
+        return "none"
+    return f"{found['p']:.3g}, {found['ci'][0]:.2g} to {found['ci'][1]:.2g} ({found['rollouts']:,})"
 
 
 def _ratio(comparison: dict[str, Any] | None, key: str) -> str:

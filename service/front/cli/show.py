@@ -38,6 +38,9 @@ def command(job: str, gamma: float | None, confidence: float | None, client: Cli
         "events": f"{estimate.events:,}",
         "worker time": f"{estimate.worker_s:.0f} s",
     }
+    for ending in estimate.endings:
+        p = "not known" if ending.p is None else f"{ending.p:.3g}, {ending.ci[0]:.2g} to {ending.ci[1]:.2g}"
+        rows[f"ended with {ending.outcome}"] = f"{p} ({ending.rollouts:,})"
     for name, value in rows.items():
         table.add_row(name, value)
     console.print(table)

@@ -3,7 +3,7 @@
     from service.remote.client import Client
 
     with Client("tcp/127.0.0.1:7447") as fleet:
-        job = fleet.submit("i80-10s", gamma=0.5, ego="lidar", budget=20_000)
+        job = fleet.submit("i80-10s", gamma=0.0, ego="lidar", budget=20_000)
         for event in fleet.watch(job.id):
             print(event.kind, event.body)
         print(fleet.estimate(job.id).p)

@@ -12,6 +12,7 @@ import msgspec
 
 import ce
 from service.errors import InputError
+from service.evaluation.endings import endings_of
 from service.evaluation.job import Job
 from service.evaluation.record import JobRecord, replay
 from service.evaluation.store.jobs import Event, JobRow, Mark
@@ -165,7 +166,8 @@ class Fleet:
         cost = Cost(0)
         worker_s, steps = self._store.cost(job)
         cost.add(worker_s, steps * row.job.scenario.time.step_s)
-        return summary_of(msgspec.structs.replace(row.job, gamma=found.gamma), found, cost)
+        endings = endings_of(found, self.reader(job).all_chunks(row.job.id))
+        return summary_of(msgspec.structs.replace(row.job, gamma=found.gamma), found, cost, endings)
 
     def curve(self, job: str, gammas: Sequence[float], confidence: float | None = None) -> ce.Curve:
         """p and its pointwise interval at each threshold, from the same rollouts."""

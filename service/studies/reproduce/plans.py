@@ -26,8 +26,8 @@ from service.world.scenario.noise_mode import NoiseMode
 # Thresholds, s, at which p runs from about 2e-3 to 1e-5, as the paper's do; where they lie is measured
 # (decision 0014). The search aims at the last one, as the paper's does.
 THRESHOLDS = {
-    ("i80-paper-10s", "lidar"): (0.58, 0.54, 0.5, 0.46, 0.42, 0.38, 0.35, 0.32),
-    ("i80-paper-10s", "vision"): (0.58, 0.54, 0.5, 0.46),
+    ("i80-paper-10s", "lidar-paper"): (0.58, 0.54, 0.5, 0.46, 0.42, 0.38, 0.35, 0.32),
+    ("i80-paper-10s", "vision-paper"): (0.58, 0.54, 0.5, 0.46),
 }
 # The paper's search (the defaults of method `ce`: box of 0.01 for each driver weight, no other limit), and the same
 # kept near P0 and to the starts, because in 404 driver weights its steps are mostly noise.
@@ -48,8 +48,8 @@ TWO_ON_THE_WHOLE_ROAD: tuple[Series, ...] = (NEAREST, ("splitting", "splitting",
 # black box is served by a process of its own, over Zenoh (`service.studies.reproduce.black_box`).
 BLACK_BOX = "black-box"
 OTHER_WORLDS = (
-    ("The whole 2 km of I-80, lidar ego", "i80-paper", "lidar", TWO_ON_THE_WHOLE_ROAD),
-    ("US-101 at Los Angeles, lidar ego", "us101-paper-10s", "lidar", TWO),
+    ("The whole 2 km of I-80, lidar ego", "i80-paper", "lidar-paper", TWO_ON_THE_WHOLE_ROAD),
+    ("US-101 at Los Angeles, lidar ego", "us101-paper-10s", "lidar-paper", TWO),
     ("I-80, SUMO's own car-following controller (Krauss)", "i80-paper-10s", "sumo:Krauss", TWO),
     ("I-80, a black box over Zenoh", "i80-paper-10s", f"zenoh:{BLACK_BOX}", TWO),
 )
@@ -139,7 +139,7 @@ def plans_of(name: str, scale: str, seed: int = 1) -> tuple[Plan, ...]:
 def _truth(scale: str, seed: int) -> Plan:
     """The ground truth alone: what the other experiments with the lidar ego are held against."""
     title = "Ground truth: the lidar ego by naive Monte Carlo"
-    return _plan("truth", scale, title, LIDAR[scale], "i80-paper-10s", "lidar", [])
+    return _plan("truth", scale, title, LIDAR[scale], "i80-paper-10s", "lidar-paper", [])
 
 
 def _table1(scale: str, seed: int) -> Plan:
@@ -148,32 +148,39 @@ def _table1(scale: str, seed: int) -> Plan:
         run
         for kind in SEARCHES
         for run in _searches(
-            size, "i80-paper-10s", "lidar", kind, (BEST_RHO if scale != "smoke" else size.rhos[0],), seed
+            size,
+            "i80-paper-10s",
+            "lidar-paper",
+            kind,
+            (BEST_RHO if scale != "smoke" else size.rhos[0],),
+            seed,
         )
     ]
-    runs += _best_of_ours(size, "i80-paper-10s", "lidar", seed)
+    runs += _best_of_ours(size, "i80-paper-10s", "lidar-paper", seed)
     return _plan(
-        "table1", scale, "Table 1: the lidar ego's rare events", size, "i80-paper-10s", "lidar", runs
+        "table1", scale, "Table 1: the lidar ego's rare events", size, "i80-paper-10s", "lidar-paper", runs
     )
 
 
 def _fig2(scale: str, seed: int) -> Plan:
     size = LIDAR[scale]
     runs = [
-        run for kind in SEARCHES for run in _searches(size, "i80-paper-10s", "lidar", kind, size.rhos, seed)
+        run
+        for kind in SEARCHES
+        for run in _searches(size, "i80-paper-10s", "lidar-paper", kind, size.rhos, seed)
     ]
     title = "Figure 2: the lidar ego, the cross-entropy method against naive Monte Carlo by rho"
-    return _plan("fig2", scale, title, size, "i80-paper-10s", "lidar", runs)
+    return _plan("fig2", scale, title, size, "i80-paper-10s", "lidar-paper", runs)
 
 
 def _beyond(scale: str, seed: int) -> Plan:
     size: Ours = BEYOND[scale]
-    thresholds = THRESHOLDS["i80-paper-10s", "lidar"]
+    thresholds = THRESHOLDS["i80-paper-10s", "lidar-paper"]
     runs = [
         Run(
             series=f"{series}, γ = {gamma:g} s",
             scenario="i80-paper-10s",
-            ego="lidar",
+            ego="lidar-paper",
             gamma=gamma,
             method=method,
             options={"budget": size.budget},
@@ -189,7 +196,7 @@ def _beyond(scale: str, seed: int) -> Plan:
         name="beyond",
         scale=scale,
         title="Beyond the paper: our estimators at equal total cost",
-        truth=Truth(scenario="i80-paper-10s", ego="lidar", rollouts=size.truth),
+        truth=Truth(scenario="i80-paper-10s", ego="lidar-paper", rollouts=size.truth),
         gammas=tuple(sorted({*thresholds, *size.gammas}, reverse=True)),
         runs=tuple(runs),
     )
@@ -256,11 +263,11 @@ def _table2(scale: str, seed: int) -> Plan:
     runs = [
         run
         for kind in SEARCHES
-        for run in _searches(size, "i80-paper-10s", "vision", kind, (size.rhos[0],), seed)
+        for run in _searches(size, "i80-paper-10s", "vision-paper", kind, (size.rhos[0],), seed)
     ]
-    runs += _best_of_ours(size, "i80-paper-10s", "vision", seed)
+    runs += _best_of_ours(size, "i80-paper-10s", "vision-paper", seed)
     title = "Table 2 and Figure 3: the vision ego's rare events"
-    return _plan("table2", scale, title, size, "i80-paper-10s", "vision", runs)
+    return _plan("table2", scale, title, size, "i80-paper-10s", "vision-paper", runs)
 
 
 def _worlds(scale: str, seed: int) -> tuple[Plan, ...]:

@@ -36,7 +36,7 @@ SIZES = {
     "large": Size((0.58, 0.46, 0.38), 50_000, 500, 3),
     "paper": Size((0.58, 0.46, 0.38, 0.32), 100_000, 1000, 4),
 }
-SCENARIO, EGO = "i80-paper-10s", "lidar"
+SCENARIO, EGO = "i80-paper-10s", "lidar-paper"
 
 
 class ExaminedRun(msgspec.Struct, frozen=True):

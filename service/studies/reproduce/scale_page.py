@@ -15,7 +15,7 @@ from service.studies.reproduce.scale import LATENCY_S, MESSAGE_S, FleetTiming, m
 from service.studies.reproduce.tables import Table, number
 from service.world.scenario import Scenario, load_scenario
 
-SCENARIO, EGO = "i80-paper-10s", "lidar"
+SCENARIO, EGO = "i80-paper-10s", "lidar-paper"
 BATCHES = {"batches of 5,000": 5000, "one batch": None}  # the default of `naive`, and all rollouts at once
 PAPER = (10, 300)  # the paper's speed-up over real-world testing, for each of P processors
 

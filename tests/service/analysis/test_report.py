@@ -106,7 +106,7 @@ def weights(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def scenario(weights) -> Scenario:
-    found = load_scenario("i80-10s")
+    found = load_scenario("i80-paper-10s")
     return msgspec.structs.replace(
         found, drivers=msgspec.structs.replace(found.drivers, weights=str(weights))
     )

@@ -20,7 +20,7 @@ from service.world.scenario import load_scenario
 from service.world.scenario.check import check_road
 from service.world.scenario.load import FOLDER, MAX_BYTES, parse_scenario
 
-TEXT = (FOLDER / "i80-10s.toml").read_text(encoding="utf-8")
+TEXT = (FOLDER / "i80-paper-10s.toml").read_text(encoding="utf-8")
 STATION = 'station_m = { distribution = "beta", alpha = 2.0, beta = 2.0, low = 80.0, high = 120.0 }'
 OFFSET = 'lane_offset_m = { distribution = "beta", alpha = 2.0, beta = 2.0, low = -0.25, high = 0.25 }'
 EGO = 'name = "ego"\nrole = "ego"\nlane = 3'
@@ -253,7 +253,7 @@ BROKEN = {
         "give a number, in seconds, not text",
     ),
     "number for a text": (
-        'name = "i80-10s"',
+        'name = "i80-paper-10s"',
         "name = 80",
         "name",
         "is 80",
@@ -332,7 +332,7 @@ BROKEN = {
         "use up to 32 letters",
     ),
     "a scenario's name with a slash": (
-        '"i80-10s"',
+        '"i80-paper-10s"',
         '"../i80"',
         "name",
         "is '../i80'",

@@ -26,11 +26,11 @@ def test_a_built_in_scenario_loads_and_its_road_carries_it(name):
 
 
 def test_the_paper_s_scenario_and_its_short_form_are_there():
-    assert {"i80", "i80-10s"} <= set(built_in_names())
+    assert {"i80", "i80-10s", "i80-paper", "i80-paper-10s"} <= set(built_in_names())
 
 
 def test_the_short_scenario_differs_in_name_description_and_horizon_only():
-    long, short = (msgspec.to_builtins(load_scenario(name)) for name in ("i80", "i80-10s"))
+    long, short = (msgspec.to_builtins(load_scenario(name)) for name in ("i80-paper", "i80-paper-10s"))
     assert short["time"].pop("horizon_s") == 10.0
     assert long["time"].pop("horizon_s") == 400.0
     for scenario in (long, short):
@@ -39,7 +39,7 @@ def test_the_short_scenario_differs_in_name_description_and_horizon_only():
 
 
 def test_the_base_distribution_is_the_paper_s(drivers):
-    scenario = load_scenario("i80")
+    scenario = load_scenario("i80-paper")
     base = base_distribution(scenario, drivers)
     assert base.dim == dimension(scenario) == 6 * 4 + 404
     expected = [(80.0, 120.0), (-0.25, 0.25), (-3.6, 3.6), (10.0, 20.0)] * 6
@@ -57,7 +57,7 @@ def test_the_base_distribution_is_the_paper_s(drivers):
 
 
 def test_a_draw_is_unpacked_into_starts_and_driver_weights(drivers):
-    scenario = load_scenario("i80")
+    scenario = load_scenario("i80-paper")
     x, _ = ce.draw(base_distribution(scenario, drivers), 1, "estimate", 0, 0, 1)
     starts, weights = unpack(scenario, x[0])
     assert [start.lane for start in starts] == [2, 0, 1, 3, 4, 5]

@@ -68,7 +68,7 @@ def ended(service: Service) -> tuple[str, str]:
         with Client(f"tcp/127.0.0.1:{service.port}", timeout_s=60.0) as client:
             jobs = [
                 client.submit(
-                    "i80-10s", 0.03, ego=ego, method="naive", budget=600, seed=2, label=f"{ego} drives"
+                    "i80-paper-10s", 0.03, ego=ego, method="naive", budget=600, seed=2, label=f"{ego} drives"
                 )
                 for ego in ("lidar", "idm")
             ]
@@ -114,7 +114,7 @@ def test_what_happens_before_the_page_listens_is_told_when_it_does(page, service
     """The job ends between the drawing of its page and the opening of the page's event source."""
     with Client(f"tcp/127.0.0.1:{service.port}", timeout_s=60.0) as client:
         job = client.submit(
-            "i80-10s", 0.03, ego="idm", method="naive", budget=600, seed=3, label="Ended early"
+            "i80-paper-10s", 0.03, ego="idm", method="naive", budget=600, seed=3, label="Ended early"
         )
 
         def end_the_job_first(route) -> None:
@@ -225,6 +225,6 @@ def test_a_page_outlives_the_service(page, service: Service, ended: tuple[str, s
     page.get_by_text("The service does not answer").wait_for(state="hidden")
     page.locator("#link[data-here=yes]").wait_for()
     with Client(f"tcp/127.0.0.1:{service.port}", timeout_s=60.0) as client:
-        client.submit("i80-10s", 0.03, budget=100, label="after the restart")
+        client.submit("i80-paper-10s", 0.03, budget=100, label="after the restart")
     page.get_by_role("link", name="after the restart").wait_for()
     assert page.evaluate("performance.getEntriesByType('navigation').length") == 1

@@ -19,7 +19,7 @@ from tests.service.remote.fleet.light import LightWorker, light_fleet
 
 TEXT = """format = 1
 name = "t"
-scenarios = ["i80-10s"]
+scenarios = ["i80-paper-10s"]
 egos = ["idm"]
 gammas = [1.0, 0.5]
 methods = ["naive"]

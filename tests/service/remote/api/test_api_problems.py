@@ -12,7 +12,7 @@ from service.remote.api.limits import Limits
 from service.world.scenario import load as loading
 from tests.service.remote.api.conftest import LIMITS, Foreign, open_service
 
-JOB = {"scenario": "i80-10s", "ego": "idm", "gamma": 0.5, "method": "naive", "budget": 5}
+JOB = {"scenario": "i80-paper-10s", "ego": "idm", "gamma": 0.5, "method": "naive", "budget": 5}
 DEEP = b"[" * 100_000
 
 
@@ -56,7 +56,7 @@ def test_wrong_questions(foreign, job: str, selector: str, kind: str, says: str)
 @pytest.mark.parametrize(
     ("change", "kind", "says"),
     [
-        ({"scenario": "i81"}, "not-found", "i80-10s"),
+        ({"scenario": "i81"}, "not-found", "i80-paper-10s"),
         ({"scenario": "/etc/passwd"}, "not-found", "/etc/passwd"),
         ({"scenario": 3}, "bad-body", "scenario"),
         ({"ego": "os:system"}, "bad-job", "may import"),
@@ -99,7 +99,7 @@ def test_wrong_submissions(foreign, change: dict, kind: str, says: str) -> None:
     ],
 )
 def test_wrong_scenarios_by_value(foreign, change: dict, says: str) -> None:
-    data = tomllib.loads((loading.FOLDER / "i80-10s.toml").read_text(encoding="utf-8"))
+    data = tomllib.loads((loading.FOLDER / "i80-paper-10s.toml").read_text(encoding="utf-8"))
     problem = foreign.problem("jobs", JOB | {"scenario": data | change})
     assert problem["type"] == "urn:tailroad:problem:bad-scenario"
     assert says in problem["detail"]

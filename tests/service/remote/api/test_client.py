@@ -27,7 +27,7 @@ def cli(service, *args: str) -> tuple[int, str]:
 
 
 def test_a_job_from_submission_to_estimate(service, client: Client) -> None:
-    job = client.submit("i80-10s", 0.5, **JOB, seed=11, label="typed")
+    job = client.submit("i80-paper-10s", 0.5, **JOB, seed=11, label="typed")
     kinds = [(event.kind, event.body.get("status")) for event in client.watch(job.id)]
     assert kinds[0] == ("status", "running")
     assert kinds[-1] == ("status", "done")
@@ -62,7 +62,7 @@ def test_nobody_there() -> None:
 
 def test_watching_goes_on_where_an_answer_is_late(service, monkeypatch: pytest.MonkeyPatch) -> None:
     with Client(f"tcp/127.0.0.1:{service.port}", timeout_s=60.0) as client:
-        job = client.submit("i80-10s", 0.5, **JOB, seed=14).id
+        job = client.submit("i80-paper-10s", 0.5, **JOB, seed=14).id
         real, silences = client._line.ask, []
         late = iter([False, True, False, True, True])  # the first one is not
 
@@ -83,7 +83,7 @@ def test_watching_goes_on_where_an_answer_is_late(service, monkeypatch: pytest.M
 
 
 def test_what_the_service_offers(client: Client) -> None:
-    assert "i80-10s" in {entry.name for entry in client.scenarios().items}
+    assert "i80-paper-10s" in {entry.name for entry in client.scenarios().items}
     assert {"idm", "lidar"} <= {ego.name for ego in client.egos().items}
     assert [worker.id for worker in client.workers().items] == ["w1"]
     assert client.health().procs == 1
@@ -94,21 +94,21 @@ def test_what_the_service_offers(client: Client) -> None:
 
 
 def test_failures_of_a_job_without_any(client: Client) -> None:
-    job = client.submit("i80-10s", -1.0, **JOB).id
+    job = client.submit("i80-paper-10s", 0.0, **JOB).id
     client.wait(job)
     found = client.failures(job)
     assert (found.events, found.failures, found.job) == (0, (), job)
 
 
 def test_rollouts_that_the_record_does_not_have(client: Client) -> None:
-    job = client.submit("i80-10s", 0.5, **JOB, seed=12).id
+    job = client.submit("i80-paper-10s", 0.5, **JOB, seed=12).id
     client.wait(job)
     with pytest.raises(Refused, match="no rollout 300"):
         client.rollout(job, 300)
 
 
 def test_commands(service) -> None:
-    code, job = cli(service, "submit", "i80-10s", "--ego", "idm", "--gamma", "0.5", "--method", "naive",
+    code, job = cli(service, "submit", "i80-paper-10s", "--ego", "idm", "--gamma", "0.5", "--method", "naive",
                     "--budget", "200", "--label", "by command")  # fmt: skip
     assert code == 0
     job = job.strip()
@@ -132,9 +132,9 @@ def test_commands(service) -> None:
 def test_a_scenario_file_is_sent_by_value(service, tmp_path: Path) -> None:
     from service.world.scenario.load import FOLDER
 
-    text = (FOLDER / "i80-10s.toml").read_text(encoding="utf-8")
+    text = (FOLDER / "i80-paper-10s.toml").read_text(encoding="utf-8")
     mine = tmp_path / "mine.toml"
-    mine.write_text(text.replace('name = "i80-10s"', 'name = "mine"'), encoding="utf-8")
+    mine.write_text(text.replace('name = "i80-paper-10s"', 'name = "mine"'), encoding="utf-8")
     code, out = cli(service, "submit", str(mine), "--ego", "idm", "--gamma", "0.5", "--budget", "20",
                     "--method", "naive", "--json")  # fmt: skip
     assert code == 0
@@ -160,7 +160,7 @@ def test_the_methods_of_submit_are_those_of_ce() -> None:
 
 
 def test_a_rollout_is_run_once_more(client: Client) -> None:
-    job = client.submit("i80-10s", 0.5, **JOB, seed=13).id
+    job = client.submit("i80-paper-10s", 0.5, **JOB, seed=13).id
     client.wait(job)
     found = client.rollout(job, 7, trace=True)
     # what the light worker said

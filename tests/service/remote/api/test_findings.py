@@ -36,7 +36,7 @@ GAMMA = 0.5  # an eighth of the made-up values
 @pytest.fixture(scope="module")
 def jobs(client: Client) -> list[str]:
     """Two jobs of different seeds."""
-    found = [client.submit("i80-10s", GAMMA, **JOB, seed=seed).id for seed in (21, 22)]
+    found = [client.submit("i80-paper-10s", GAMMA, **JOB, seed=seed).id for seed in (21, 22)]
     for job in found:
         client.wait(job)
     return found
@@ -121,7 +121,7 @@ def test_a_rollout_to_play_and_to_look_at(client: Client, jobs: list[str]) -> No
 
 
 def test_a_rollout_that_chains_met_is_one_of_the_estimate(service, client: Client) -> None:
-    job = client.submit("i80-10s", 0.5, ego="idm", method="splitting", budget=1000, seed=23).id
+    job = client.submit("i80-paper-10s", 0.5, ego="idm", method="splitting", budget=1000, seed=23).id
     client.wait(job)
     record = service.light.fleet.record(job)
     (phase, iteration, row), (_, noise_seed, f) = next(

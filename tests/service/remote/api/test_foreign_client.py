@@ -11,7 +11,7 @@ import pytest
 
 from service.world.scenario import load as loading
 
-JOB = {"scenario": "i80-10s", "ego": "idm", "gamma": 0.5, "method": "naive", "budget": 400, "seed": 7}
+JOB = {"scenario": "i80-paper-10s", "ego": "idm", "gamma": 0.5, "method": "naive", "budget": 400, "seed": 7}
 
 
 def checked(foreign, name: str, answer: dict) -> dict:
@@ -81,7 +81,7 @@ def test_jobs_come_in_pages(foreign) -> None:
 
 
 def test_a_scenario_is_submitted_by_value(foreign) -> None:
-    data = tomllib.loads((loading.FOLDER / "i80-10s.toml").read_text(encoding="utf-8"))
+    data = tomllib.loads((loading.FOLDER / "i80-paper-10s.toml").read_text(encoding="utf-8"))
     data |= {"name": "mine"}
     job = foreign.get("jobs", JOB | {"scenario": data, "budget": 20})
     assert job["scenario"] == "mine"

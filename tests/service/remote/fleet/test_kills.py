@@ -101,7 +101,7 @@ def test_workers_their_processes_and_the_scheduler_are_killed_and_the_disk_fills
 
 @pytest.fixture(scope="module")
 def long_job() -> Job:
-    return make_job(load_scenario("i80-10s"), "lidar", 0.8, "ce", 1, LONG_OPTIONS)
+    return make_job(load_scenario("i80-paper-10s"), "lidar", 0.8, "ce", 1, LONG_OPTIONS)
 
 
 @pytest.fixture(scope="module")

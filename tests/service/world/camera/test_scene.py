@@ -78,7 +78,7 @@ def test_the_export_has_the_proportions_of_the_road(scene, poses, tmp_path):
 
 def test_the_command_writes_a_file_that_trimesh_reads(tmp_path):
     path = tmp_path / "road.glb"
-    result = CliRunner().invoke(main, ["scene", "export", str(path), "i80-10s"])
+    result = CliRunner().invoke(main, ["scene", "export", str(path), "i80-paper-10s"])
     assert result.exit_code == 0, result.output
     loaded = trimesh.load(path)
     names = " ".join(loaded.geometry)

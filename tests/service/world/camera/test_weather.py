@@ -24,15 +24,15 @@ exposure_ev = { distribution = "beta", alpha = 4.0, beta = 4.0, low = -1.5, high
 
 
 def test_only_scenarios_with_weather_have_its_coordinates(drivers):
-    assert base_distribution(load_scenario("i80"), drivers).dim == 428
-    base = base_distribution(load_scenario("i80-data"), drivers)
+    assert base_distribution(load_scenario("i80-paper"), drivers).dim == 428
+    base = base_distribution(load_scenario("i80-paper-data"), drivers)
     assert base.dim == 433
     assert base.names[24:29] == tuple(f"weather.{key}" for key in WEATHER)
     assert base.names[29] == "xi[0]"
 
 
 def test_a_draw_s_weather_and_driver_weights_are_kept_apart(drivers):
-    scenario = load_scenario("i80-data")
+    scenario = load_scenario("i80-paper-data")
     x, _ = ce.draw(base_distribution(scenario, drivers), 1, "estimate", 0, 0, 1)
     weather = weather_of(scenario, x[0])
     assert [getattr(weather, key) for key in WEATHER] == x[0, 24:29].tolist()
@@ -42,7 +42,7 @@ def test_a_draw_s_weather_and_driver_weights_are_kept_apart(drivers):
 
 
 def test_without_a_table_the_afternoon_is_clear():
-    assert weather_of(load_scenario("i80"), np.zeros(428)) == Weather()
+    assert weather_of(load_scenario("i80-paper"), np.zeros(428)) == Weather()
 
 
 @pytest.mark.parametrize(

@@ -148,7 +148,7 @@ def test_nothing_is_imported_by_a_formula(tmp_path):
     code = (
         "from service.world.safety.measure import with_measure\nfrom service.world.scenario import load_scenario\n"
         "from service.errors import InputError\n"
-        "try:\n    with_measure(load_scenario('i80-10s'), 'stl: from planted import path\\nalways(ttc_s > 1)')\n"
+        "try:\n    with_measure(load_scenario('i80-paper-10s'), 'stl: from planted import path\\nalways(ttc_s > 1)')\n"
         "except InputError as error:\n    print('refused:', error)\n"
     )
     done = subprocess.run(
