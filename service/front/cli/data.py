@@ -2,6 +2,7 @@
 
 import json
 from contextlib import nullcontext
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -89,9 +90,13 @@ def schema(as_json: bool) -> None:
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 @click.option("--json", "as_json", is_flag=True, help="Print the fits as JSON.")
 def fit_starts(data: Path, out: Path, resamples: int, seed: int, as_json: bool) -> None:
-    """Fit the starts of scenario i80-data to recordings; prints the scenario's TOML and how well each marginal fits."""
-    from policies.data import start_fit, start_fit_report
+    """Fit the starts of scenario i80-data to recordings; prints the scenario's TOML and how well each marginal fits.
+
+    From the data pack also the speeds across the lane, jointly with offset and speed, of I-80 and of US-101.
+    """
+    from policies.data import lateral_fit, start_fit, start_fit_report
     from policies.data.scenes import DataError
+    from policies.data.tables import is_table
 
     try:
         found = start_fit.samples(data)
@@ -100,6 +105,8 @@ def fit_starts(data: Path, out: Path, resamples: int, seed: int, as_json: bool) 
             for name, bounds in start_fit.BOUNDS.items()
         }
         ignored = start_fit.dependence(data)
+        sites = () if is_table(data) else lateral_fit.sites(data)
+        lateral = {site: lateral_fit.fit(lateral_fit.sample(data, site), resamples, seed) for site in sites}
     except DataError as error:
         raise InputError(str(error)) from error
     report = {
@@ -107,6 +114,7 @@ def fit_starts(data: Path, out: Path, resamples: int, seed: int, as_json: bool) 
         "training_vehicles_below": start_fit.TRAIN_BELOW,
         "fits": {name: start_fit_report.as_dict(fit) for name, fit in fits.items()},
         "rank_correlations_ignored": ignored,
+        "lateral": {site: asdict(found) for site, found in lateral.items()},
     }
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -120,6 +128,13 @@ def fit_starts(data: Path, out: Path, resamples: int, seed: int, as_json: bool) 
         click.echo(json.dumps(report, indent=2))
         return
     click.echo(start_fit_report.toml(fits))
+    for site, one in lateral.items():
+        rows = f"{one.rows:,} rows of {one.vehicles} vehicles"
+        click.echo(f"\n# speeds across the lane, {site}: {rows}, KS distance {one.ks:.3f}")
+        for what, low, high, count, recorded, told in one.bands:
+            spread = f"standard deviation {recorded:.3f}, fitted {told:.3f} m/s"
+            click.echo(f"#   {what} {low:g} to {high:g}: {spread} ({count} rows)")
+        click.echo(lateral_fit.lateral_toml(one))
     table = Table("marginal", "rows", "vehicles", "outside", "KS distance", "alpha (95%)", "beta (95%)")
     for name, fit in fits.items():
         alpha, beta = (

@@ -7,10 +7,9 @@ import numpy as np
 
 import ce
 from policies.drivers import DriverModel
-from policies.exactmath import arcsine, exp, log
+from policies.exactmath import arcsine, exp, log, sincos
 from policies.layout import HEAD_SIZE
 from service.world.scenario.causes import cause_names, causes_of, marginals_of_causes
-from service.world.scenario.check_human import STEEPEST
 from service.world.scenario.schema import (
     Beta,
     Distribution,
@@ -113,9 +112,8 @@ def _heading_rad(scenario: Scenario, offset_m: float, drawn: float, speed_mps: f
         return drawn * (math.pi / 180.0)
     if speed_mps <= 0.0:
         return 0.0
-    return arcsine(
-        min(max(lateral_speed(scenario, offset_m, drawn, speed_mps) / speed_mps, -STEEPEST), STEEPEST)
-    )
+    most, _ = sincos(scenario.start.lateral_steepest_deg * (math.pi / 180.0))
+    return arcsine(min(max(lateral_speed(scenario, offset_m, drawn, speed_mps) / speed_mps, -most), most))
 
 
 def lateral_speed(scenario: Scenario, offset_m: float, drawn: float, speed_mps: float) -> float:

@@ -7,7 +7,6 @@ from service.world.scenario.schema import Scenario, Vehicle
 
 MAX_MODES = 20
 MAX_WINDOW_STEPS = 1000
-STEEPEST = 0.9  # the sine of a heading that a lateral speed can mean
 # key of the human table: lowest and highest value that makes sense, and what to do
 WITHIN = {
     "glances.epsilon": (0.0, 1.0, "a probability lies between 0 and 1; 0: nobody looks away in a conflict"),
@@ -73,7 +72,7 @@ def check_lateral(scenario: Scenario, refuse: Callable[[str, object, str], None]
     if start.lateral_mps is None:
         return
     for key, low, high in (("lateral_offset_gain", 0.0, 10.0), ("lateral_full_mps", 0.1, 70.0),
-                           ("lateral_speed_power", 0.0, 4.0)):  # fmt: skip
+                           ("lateral_speed_power", 0.0, 4.0), ("lateral_steepest_deg", 0.1, 60.0)):  # fmt: skip
         if not low <= getattr(start, key) <= high:
             refuse(f"start.{key}", getattr(start, key), f"give {low:g} to {high:g}")
 
@@ -92,7 +91,7 @@ def steepest(scenario: Scenario, vehicle: Vehicle) -> float:
     sines = []
     for v in (speed.low, min(max(start.lateral_full_mps, speed.low), speed.high), speed.high):
         slowed = min(1.0, v / start.lateral_full_mps) ** start.lateral_speed_power
-        sines.append(STEEPEST if v <= 0.0 else fastest * slowed / v)
+        sines.append(1.0 if v <= 0.0 else fastest * slowed / v)
     if speed.low <= 0.0 and start.lateral_speed_power >= 1.0:
         sines[0] = 0.0
-    return math.asin(min(max(sines), STEEPEST))
+    return min(math.asin(min(max(sines), 1.0)), math.radians(start.lateral_steepest_deg))

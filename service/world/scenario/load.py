@@ -130,6 +130,7 @@ LATER = {  # fields of tables that later versions brought, with the value that m
     "lateral_offset_gain": 0.0,
     "lateral_full_mps": 7.0,
     "lateral_speed_power": 1.0,
+    "lateral_steepest_deg": 20.0,
 }
 
 

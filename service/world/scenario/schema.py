@@ -137,7 +137,8 @@ class Start(_Table, frozen=True, kw_only=True):
 
     Headings are given by `heading_deg`, or by `lateral_mps`: the speed across the lane of a vehicle in its middle at
     `lateral_full_mps` or faster. Off the middle it is 1 + lateral_offset_gain (offset / 1 m)^2 times that, below that
-    speed (speed / lateral_full_mps)^lateral_speed_power times that; the heading is its arc sine over the speed.
+    speed (speed / lateral_full_mps)^lateral_speed_power times that; the heading is its arc sine over the speed, at
+    most `lateral_steepest_deg`.
     """
 
     station_m: Distribution
@@ -150,6 +151,7 @@ class Start(_Table, frozen=True, kw_only=True):
     lateral_offset_gain: float = 0.0
     lateral_full_mps: float = 7.0
     lateral_speed_power: float = 1.0
+    lateral_steepest_deg: float = 20.0
 
 
 class Vehicle(_Table, frozen=True):

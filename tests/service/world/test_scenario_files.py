@@ -124,7 +124,7 @@ def test_a_scenario_read_from_a_built_in_file_by_its_path_is_the_same():
 
 
 def test_marginals_can_be_uniform_or_truncated_normal(tmp_path, drivers):
-    text = (FOLDER / "i80-10s.toml").read_text(encoding="utf-8")
+    text = (FOLDER / "i80-paper-10s.toml").read_text(encoding="utf-8")
     text = re.sub(
         r"(?m)^station_m = .*", 'station_m = { distribution = "uniform", low = 80.0, high = 90.0 }', text
     )

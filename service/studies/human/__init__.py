@@ -1,0 +1,1 @@
+"""How often drivers who err as people do come to grief, beside what people do; and the fit of their noise."""
