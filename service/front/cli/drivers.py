@@ -69,6 +69,8 @@ def card(weights: str, data: Path, out: Path, samples: int, krauss: bool, seed: 
               help="Drives the one vehicle that is not counted.")  # fmt: skip
 @click.option("--epsilon", type=float, help="In place of the scenario's: the probability that a glance begins in a "
               "conflict.")  # fmt: skip
+@click.option("--count-with", type=float, help="Count with this epsilon and weigh the contacts back to the scenario's: "
+              "where they are too rare to wait for.")  # fmt: skip
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("runs/driver-rates"),
               show_default=True, help="Keeps the counts; the same command goes on from there.")  # fmt: skip
 @click.option("--pages", type=click.Path(file_okay=False, path_type=Path), help="Where the page is written.  "
@@ -77,8 +79,8 @@ def card(weights: str, data: Path, out: Path, samples: int, krauss: bool, seed: 
 @seed_option()
 @json_option()
 def rates(
-    scenarios: tuple[str, ...], rollouts: int, ego: str, epsilon: float | None, out: Path, pages: Path | None,
-    workers: int | None, seed: int, as_json: bool,
+    scenarios: tuple[str, ...], rollouts: int, ego: str, epsilon: float | None, count_with: float | None, out: Path,
+    pages: Path | None, workers: int | None, seed: int, as_json: bool,
 ) -> None:  # fmt: skip
     """Count contacts and near-crashes of the drivers under P0, beside what people do, and write the page.
 
@@ -90,11 +92,12 @@ def rates(
     from service.world.scenario.load import load_scenario
 
     names = scenarios or ("i80", "i80-10s")
-    asked = [campaign.Settings(with_epsilon(load_scenario(name), epsilon, name), ego, seed) for name in names]
+    wanted = [with_epsilon(load_scenario(name), epsilon, name) for name in names]
+    asked = [campaign.Settings(with_epsilon(one, count_with), ego, seed) for one in wanted]
     told = []
     try:
         with progress_bar() as bar:
-            for settings in asked:
+            for scenario, settings in zip(wanted, asked, strict=True):
                 task = bar.add_task(f"{settings.scenario.name}, chunks", total=None, note="")
                 counts = campaign.run(
                     settings,
@@ -103,11 +106,13 @@ def rates(
                     workers or core_count(),
                     partial(_show, bar, task),
                 )
-                told.append(making.facts(settings, counts))
+                own = None if scenario.human is None else scenario.human.glances.epsilon
+                told.append(making.facts(settings, counts, own))
     except KeyboardInterrupt:
         click.echo(f"interrupted; the same command goes on from {out}", err=True)
         raise SystemExit(INTERRUPTED) from None
     chosen = "" if epsilon is None else f" --epsilon {epsilon:g}"
+    chosen += "" if count_with is None else f" --count-with {count_with:g}"
     said = f"tailroad drivers rates {' '.join(names)} --rollouts {rollouts} --ego {ego}{chosen} --seed {seed}"
     try:
         path = making.write(told, pages or out, said)

@@ -21,7 +21,7 @@ from service.studies.human.counting import CONTACT, TALLIES, Counter
 from service.world.scenario.base import base_distribution
 from service.world.scenario.check import check_road
 from service.world.scenario.load import digest
-from service.world.scenario.schema import Scenario
+from service.world.scenario.schema import CameraSpec, Safety, Scenario
 from service.world.sim.audited import EVERY
 from service.world.sim.rollout import OUTCOMES, Simulator
 from service.world.sim.world import World
@@ -39,8 +39,12 @@ class Settings(msgspec.Struct, frozen=True):
 
     @property
     def key(self) -> str:
-        """What two campaigns must have in common for their chunks to be added up."""
-        return f"{digest(self.scenario)}-{self.ego}-{self.seed}"
+        """What two campaigns must have in common for their chunks to be added up: all that the drivers' rollouts depend
+        on, which the scenario's name, description, measure and camera are not."""
+        driven = msgspec.structs.replace(
+            self.scenario, name="", description="", safety=Safety(), camera=CameraSpec(), fixed=None
+        )
+        return f"{digest(driven)}-{self.ego}-{self.seed}"
 
 
 class Chunk(msgspec.Struct, frozen=True):

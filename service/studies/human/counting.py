@@ -38,29 +38,58 @@ EVASIVE_ACROSS_MPS2 = 2.0  # ... or an evasive turn with this much lateral accel
 APART_S = 2.0  # dangers of a pair less than this apart are one
 SAME_LANE_S = 3.0  # in each other's path this long before a contact: a rear-end, not a cut-in
 RECENT_S = 1.5  # a glance this short a time before a contact had to do with it
-MOST_CONTACTS = 16  # of one rollout, that are kept
-REAR_END, CUT_IN, SIDE = range(3)
-KINDS = ("rear-end", "cut-in", "side")
+MOST_CONTACTS = 64  # contacts and near-crashes of one rollout, that are kept
+REAR_END, CUT_IN, SIDE, NEAR_CRASH = range(4)
+KINDS = ("rear-end", "cut-in", "side")  # of contacts
 
-# columns of a contact
-TIME_S, FIRST, SECOND, KIND, DELTA_V_MPS, LOOKED_AWAY, LONGEST_AWAY_S, CAUSE, AGAIN = range(9)
-CONTACT = 9
+# columns of a contact, or of a near-crash, whose CAUSE is 0 by time to touch and 1 by deceleration
+TIME_S, FIRST, SECOND, KIND, DELTA_V_MPS, LOOKED_AWAY, LONGEST_AWAY_S, CAUSE, AGAIN, LEAKED, RESISTED = range(
+    11
+)
+CONTACT = 11  # the last two: of all drivers so far, by which a contact is weighed for another epsilon
 # of the tallies (2, TALLIES): before EARLY_S and after
-KM, NEAR, NEAR_TTC, NEAR_REQUIRED, EVASIONS = range(5)
-TALLIES = 5
+KM, EVADING_S = range(2)
+TALLIES = 2
 
 
 @kernel
 def drive_and_count(
-    agents, n, ego, ego_lidar, ew1, eb1, ew2, eb2, ehead, escale, w1, b1, w2, b2, head, scale, noise, dt_s, reference,
-    lanes, spacing_m, beams, rays, observations, poses, minds, traits, tallies, contacts,
-):  # fmt: skip
+    agents: np.ndarray,
+    n: int,
+    ego: int,
+    ego_lidar: bool,
+    ew1: np.ndarray,
+    eb1: np.ndarray,
+    ew2: np.ndarray,
+    eb2: np.ndarray,
+    ehead: np.ndarray,
+    escale: np.ndarray,
+    w1: np.ndarray,
+    b1: np.ndarray,
+    w2: np.ndarray,
+    b2: np.ndarray,
+    head: np.ndarray,
+    scale: np.ndarray,
+    noise: np.ndarray,
+    dt_s: float,
+    reference: np.ndarray,
+    lanes: np.ndarray,
+    spacing_m: float,
+    beams: np.ndarray,
+    rays: np.ndarray,
+    observations: np.ndarray,
+    poses: np.ndarray,
+    minds: np.ndarray,
+    traits: np.ndarray,
+    tallies: np.ndarray,
+    contacts: np.ndarray,
+) -> tuple[int, int, int]:
     """Drive, add to `tallies` (2, TALLIES), fill `contacts` (MOST_CONTACTS, CONTACT): how it ended, steps, contacts."""
     outputs = np.empty(OUTPUTS, np.float32)
     touched = np.zeros((n, n))  # 1 once a pair has been in contact
     hurt = np.zeros(n)  # 1 once a vehicle has been in any
-    near = np.full((n, n, 2), -math.inf)  # when a danger of each kind was last seen
-    counted = np.full((n, n), -math.inf)  # when one of any kind was last counted: not again within APART_S
+    counted = np.full((n, n), -math.inf)  # when a danger was last seen: not counted again within APART_S
+    told = np.full((n, n), -1)  # row of the near-crash that was counted last
     in_path = np.zeros((n, n))  # seconds that a pair has overlapped across the road
     seen = np.zeros((n, 3))
     history = np.zeros((int(SAME_LANE_S / dt_s) + 1, n))
@@ -80,7 +109,7 @@ def drive_and_count(
             if i != ego and a[A.ACTIVE] != 0.0 and a[A.TAKEN_OVER] == 0.0:
                 tallies[part, KM] += a[A.SPEED_MPS] * dt_s / 1000.0
                 if minds[i, M.EVADED] != 0.0:
-                    tallies[part, EVASIONS] += dt_s
+                    tallies[part, EVADING_S] += dt_s
         for i in range(n):
             for j in range(i + 1, n):
                 a, b = agents[i], agents[j]
@@ -95,8 +124,8 @@ def drive_and_count(
                 gap = abs(along) - 0.5 * (a[A.LENGTH_M] + b[A.LENGTH_M])
                 if a[A.COLLISION] != 0.0 and b[A.COLLISION] != 0.0 and overlap(a, b):
                     touched[i, j] = 1.0
-                    if counted[i, j] > t - 2.0 * APART_S and hurt[i] == 0.0 and hurt[j] == 0.0:
-                        tallies[0 if counted[i, j] < EARLY_S else 1, NEAR] -= 1.0  # it was no near-crash
+                    if told[i, j] >= 0 and counted[i, j] > t - 2.0 * APART_S:
+                        contacts[told[i, j], AGAIN] = 1.0  # it was no near-crash
                     if found < MOST_CONTACTS:
                         e = contacts[found]
                         found += 1
@@ -118,6 +147,9 @@ def drive_and_count(
                         e[LOOKED_AWAY] = 1.0 if minds[cause, M.SINCE_AWAY_S] <= RECENT_S else 0.0
                         e[LONGEST_AWAY_S] = minds[cause, M.LONGEST_AWAY_S]
                         e[AGAIN] = max(hurt[i], hurt[j])
+                        for q in range(n):
+                            e[LEAKED] += minds[q, M.LEAKED]
+                            e[RESISTED] += minds[q, M.RESISTED]
                     continue
                 if hurt[i] != 0.0 or hurt[j] != 0.0:
                     continue
@@ -135,14 +167,16 @@ def drive_and_count(
                     and closing > 0.0
                     and closing * closing / (2.0 * gap) > NEAR_REQUIRED_MPS2,
                 )
-                for q in range(2):
-                    if dangers[q]:
-                        if t - near[i, j, q] > APART_S:
-                            tallies[part, NEAR_TTC + q] += 1.0
-                        near[i, j, q] = t
                 if dangers[0] or dangers[1]:
-                    if t - counted[i, j] > APART_S:
-                        tallies[part, NEAR] += 1.0
+                    if t - counted[i, j] > APART_S and found < MOST_CONTACTS:
+                        e = contacts[found]
+                        told[i, j] = found
+                        found += 1
+                        e[TIME_S], e[FIRST], e[SECOND], e[KIND] = t, rear, front, NEAR_CRASH
+                        e[CAUSE] = 0.0 if dangers[0] else 1.0
+                        for q in range(n):
+                            e[LEAKED] += minds[q, M.LEAKED]
+                            e[RESISTED] += minds[q, M.RESISTED]
                     counted[i, j] = t
         for i in range(n):
             if agents[i, A.COLLISION] != 0.0:

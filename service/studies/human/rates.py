@@ -1,19 +1,19 @@
 """From counts to rates: per million vehicle-km, with exact intervals, and the page that holds them beside what people
 do.
 
-Intervals are Garwood's, exact for Poisson counts (Biometrika 28, 1936), at 95%.
+Intervals are Fay and Feuer's at 95% (`ce.interval`): Garwood's exact ones for Poisson counts where all weigh the same.
 """
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
-from scipy.special import gammaincinv
 
-from ce.interval import clopper_pearson
-from service.analysis.wording import count, significant
+from ce.interval import weighted_gamma
+from service.analysis.wording import count, percent, significant
 from service.studies.human import counting as C
 from service.studies.human.campaign import Counts, Settings
 from service.studies.human.published import INVOLVEMENTS, NEAR_CRASHES, NEAR_PER_CRASH, PUBLISHED
@@ -27,71 +27,93 @@ SPEEDS = (0.05, 0.25, 0.5, 0.75, 0.95)  # quantiles of delta-v
 
 
 class Rate(msgspec.Struct, frozen=True):
-    """Events in so many million vehicle-km, and their rate per million with its interval."""
+    """Events (pairs that were counted), in so many million vehicle-km; their rate per million with its interval."""
 
-    events: float
+    events: int
     million_km: float
     rate: float
     low: float
     high: float
 
 
-def rate(events: float, km: float, each: float = 1.0) -> Rate:
-    """Of `events` that stand for `each` counted things (2: vehicles of a pair)."""
-    n = max(events, 0.0)
-    tail = 0.5 * (1.0 - CONFIDENCE)
-    low = float(gammaincinv(n, tail)) if n > 0.0 else 0.0
-    high = float(gammaincinv(n + 1.0, 1.0 - tail))
-    million = km / MILLION
-    per = each / million if million > 0.0 else np.inf
-    return Rate(n, million, n * per, low * per, high * per)
+def rate(weights: np.ndarray, rollouts: int, km: float, each: float = 1.0) -> Rate:
+    """Of events with these weights (n,), all 1 where epsilon was the scenario's own, in `rollouts` that drove `km`.
+
+    each: counted things that an event stands for (2: the vehicles of a pair).
+    """
+    p, variance = weights.sum() / rollouts, float(weights @ weights) / rollouts**2
+    largest = (weights.max() if len(weights) else 1.0) / rollouts
+    low, high = weighted_gamma(p, variance, largest, CONFIDENCE)
+    if km <= 0.0:
+        return Rate(len(weights), 0.0, 0.0, 0.0, math.inf)
+    per = each * MILLION * rollouts / km
+    return Rate(len(weights), km / MILLION, float(p * per), float(low * per), float(high * per))
 
 
-def facts(settings: Settings, counts: Counts) -> dict[str, Any]:
-    """What the page and the JSON file tell."""
-    primary = counts.contacts[counts.contacts[:, 1 + C.AGAIN] == 0.0]
-    early = primary[:, 1 + C.TIME_S] < C.EARLY_S
-    masks = (early, ~early, np.ones(len(primary), dtype=bool))
+def weights_of(rows: np.ndarray, sampled: float, wanted: float) -> np.ndarray:
+    """Likelihood ratios (n,) of contacts that were counted with epsilon = `sampled`, under epsilon = `wanted`.
+
+    Until then so many glances had begun in a conflict and so many had been suppressed in one; each was an independent
+    choice with probability epsilon.
+    """
+    if sampled == wanted:
+        return np.ones(len(rows))
+    leaked, resisted = rows[:, 1 + C.LEAKED], rows[:, 1 + C.RESISTED]
+    return (wanted / sampled) ** leaked * ((1.0 - wanted) / (1.0 - sampled)) ** resisted
+
+
+def facts(settings: Settings, counts: Counts, wanted: float | None = None) -> dict[str, Any]:
+    """What the page and the JSON file tell; wanted: the epsilon that it is told for, default the one counted with."""
+    human = settings.scenario.human
+    sampled = None if human is None else human.glances.epsilon
+    wanted = sampled if wanted is None else wanted
+    rows = counts.contacts[counts.contacts[:, 1 + C.AGAIN] == 0.0]
+    weight = np.ones(len(rows)) if sampled is None or wanted is None else weights_of(rows, sampled, wanted)
+    early, kinds = rows[:, 1 + C.TIME_S] < C.EARLY_S, rows[:, 1 + C.KIND]
+    contact, near = kinds != C.NEAR_CRASH, kinds == C.NEAR_CRASH
+    masks = (early, ~early, np.ones(len(rows), dtype=bool))
     tallies = [counts.tallies[0], counts.tallies[1], counts.tallies.sum(axis=0)]
     parts: dict[str, dict[str, Any]] = {}
     for name, mask, tally in zip(PARTS, masks, tallies, strict=True):
-        km, found = float(tally[C.KM]), primary[mask]
+        asked = {
+            "contacts": (contact, 1.0),
+            "involvements": (contact, 2.0),
+            "near_crashes": (near, 2.0),
+            "near_by_time": (near & (rows[:, 1 + C.CAUSE] == 0.0), 2.0),
+            "near_by_deceleration": (near & (rows[:, 1 + C.CAUSE] == 1.0), 2.0),
+        } | {kind: (kinds == k, 1.0) for k, kind in enumerate(C.KINDS)}
         parts[name] = {
-            "contacts": rate(len(found), km),
-            "involvements": rate(len(found), km, 2.0),
-            "near_crashes": rate(float(tally[C.NEAR]), km, 2.0),
-            "near_by_time": rate(float(tally[C.NEAR_TTC]), km, 2.0),
-            "near_by_deceleration": rate(float(tally[C.NEAR_REQUIRED]), km, 2.0),
-            "kinds": {
-                kind: rate(int((found[:, 1 + C.KIND] == k).sum()), km) for k, kind in enumerate(C.KINDS)
-            },
+            key: rate(weight[mask & which], counts.rollouts, float(tally[C.KM]), each)
+            for key, (which, each) in asked.items()
         }
-    speeds = primary[:, 1 + C.DELTA_V_MPS]
-    human = settings.scenario.human
+    crashed, share = rows[contact], weight[contact]
+    again = counts.contacts[(counts.contacts[:, 1 + C.AGAIN] != 0.0)]
+    whole = parts["together"]
     return {
         "scenario": settings.scenario.name,
         "ego": settings.ego,
         "seed": settings.seed,
-        "epsilon": None if human is None else human.glances.epsilon,
+        "epsilon": wanted,
+        "counted_with_epsilon": sampled,
         "rollouts": counts.rollouts,
         "outcomes": counts.outcomes,
         "in_sumo": counts.in_sumo,
         "parts": parts,
-        "delta_v_mps": [] if not len(speeds) else np.quantile(speeds, SPEEDS).tolist(),
-        "looked_away": int(primary[:, 1 + C.LOOKED_AWAY].sum()),
-        "secondary_contacts": int(len(counts.contacts) - len(primary)),
-        "near_per_crash": ratio(parts["together"]["near_crashes"], parts["together"]["involvements"]),
+        "effective_contacts": float(share.sum() ** 2 / (share @ share)) if len(share) else 0.0,
+        "delta_v_mps": _quantiles(crashed[:, 1 + C.DELTA_V_MPS], share),
+        "looked_away": float(share @ crashed[:, 1 + C.LOOKED_AWAY] / share.sum()) if len(share) else None,
+        "secondary_contacts": int((again[:, 1 + C.KIND] != C.NEAR_CRASH).sum()),
+        "near_per_crash": whole["near_crashes"].rate / whole["contacts"].rate / 2.0 if len(share) else None,
     }
 
 
-def ratio(near: Rate, crashes: Rate) -> tuple[float | None, float, float | None]:
-    """Near-crashes to crashes and its 95% interval (exact, of the share of the one among both); None: no upper end."""
-    a, b = near.events, crashes.events
-    if a + b == 0:
-        return None, 0.0, None
-    low, high = clopper_pearson(a, int(a + b), CONFIDENCE)
-    upper = float(high / (1.0 - high)) if high < 1.0 else None
-    return (a / b if b else None), float(low / (1.0 - low)), upper
+def _quantiles(values: np.ndarray, weight: np.ndarray) -> list[float]:
+    """SPEEDS of weighted values; empty where there are none."""
+    if not len(values):
+        return []
+    order = np.argsort(values)
+    below = np.cumsum(weight[order]) / weight.sum()
+    return [float(values[order][min(int(np.searchsorted(below, q)), len(values) - 1)]) for q in SPEEDS]
 
 
 def _said(found: Rate) -> str:
@@ -147,12 +169,11 @@ def _verdict(whole: dict[str, Any], one: dict[str, Any]) -> str:
             place = "outside, though its interval reaches," if reaches else "outside"
         return f"{what} {_said(value)}, {place} people's {band[0]:g} to {band[1]:g}"
 
-    middle, low, high = one["near_per_crash"]
-    said = "-" if middle is None else significant(middle)
+    ratio = one["near_per_crash"]
+    said = "not known, as there was no contact" if ratio is None else significant(ratio)
     return (
         f"{where(found, INVOLVEMENTS, 'involvements')}; {where(near, NEAR_CRASHES, 'near-crashes')}; near-crashes to a "
-        f"crash {said} ({significant(low)} to {'any number' if high is None else significant(high)}), people's "
-        f"{NEAR_PER_CRASH[0]:g} to {NEAR_PER_CRASH[1]:g}."
+        f"crash: {said} (people's {NEAR_PER_CRASH[0]:g} to {NEAR_PER_CRASH[1]:g})."
     )
 
 
@@ -169,8 +190,13 @@ def _table(one: dict[str, Any]) -> Table:
         f"{count(one['rollouts'])} rollouts, ego `{one['ego']}`, seed {one['seed']}; {one['in_sumo']} of them in SUMO "
         "too, with the same bits. "
         + (f"Delta-v in m/s at the 5, 25, 50, 75 and 95% quantiles: {speeds}. " if speeds else "")
-        + f"Of the contacts' causers {one['looked_away']} had been looking away within 1.5 s. Contacts of vehicles "
-        f"that had been in one before: {one['secondary_contacts']}, not counted."
+        + (
+            f"{percent(one['looked_away'])} of contacts' causers had looked away within 1.5 s. "
+            if speeds
+            else ""
+        )
+        + f"Contacts of vehicles that had been in one before: {one['secondary_contacts']}, not counted."
+        + _weighed(one)
     )
     return Table(
         f"Rates per million vehicle-km: {one['scenario']}",
@@ -180,9 +206,19 @@ def _table(one: dict[str, Any]) -> Table:
     )
 
 
+def _weighed(one: dict[str, Any]) -> str:
+    if one["epsilon"] == one["counted_with_epsilon"]:
+        return ""
+    return (
+        f" Counted with epsilon = {one['counted_with_epsilon']:g} and weighed back by the likelihood ratio of the "
+        "glances that began or were suppressed in a conflict until then: the contacts are worth "
+        f"{one['effective_contacts']:.1f} of equal weight."
+    )
+
+
 def _kinds(one: dict[str, Any]) -> Table:
     whole = one["parts"]["together"]
-    found = whole["kinds"] | {
+    found = {kind: whole[kind] for kind in C.KINDS} | {
         "near-crashes by time to touch": whole["near_by_time"],
         "near-crashes by deceleration": whole["near_by_deceleration"],
     }

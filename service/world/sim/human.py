@@ -94,11 +94,14 @@ def advance_human(
             advance(agent, acceleration, turn_rate, dt_s, False)
             continue
         seconds = happens[i, L.GLANCE]
-        if seconds > mind[M.AWAY_S] and (
-            happens[i, L.LEAK] != 0.0 or not C.in_conflict(agent, mind, BUSY_MPS)
-        ):
-            mind[M.AWAY_S] = seconds
-            mind[M.LONGEST_AWAY_S] = seconds
+        if seconds > mind[M.AWAY_S]:
+            leaks = happens[i, L.LEAK] != 0.0
+            busy = C.in_conflict(agent, mind, BUSY_MPS)
+            if busy:
+                mind[M.LEAKED if leaks else M.RESISTED] += 1.0
+            if leaks or not busy:
+                mind[M.AWAY_S] = seconds
+                mind[M.LONGEST_AWAY_S] = seconds
         noise_a, noise_w = happens[i, L.ACCELERATION], happens[i, L.TURN_RATE]
         if mind[M.AWAY_S] > 0.0:
             acceleration = mind[M.HELD_MPS2]

@@ -73,13 +73,17 @@ def contacts(scenario: Scenario, rollouts: int, look_away: bool = False) -> list
 
 def test_drivers_who_look_do_not_run_into_the_one_ahead():
     found = np.concatenate(contacts(approach(0.0, every_s=1e6), 400))
+    found = found[found[:, C.KIND] != C.NEAR_CRASH]
     assert not (found[:, C.KIND] == C.REAR_END).any()
     assert len(found) == 0
 
 
 def test_more_leaks_are_more_contacts():
     counted = [
-        sum(len(rows) for rows in contacts(approach(epsilon), 150, look_away=True))
+        sum(
+            (rows[:, C.KIND] != C.NEAR_CRASH).sum()
+            for rows in contacts(approach(epsilon), 150, look_away=True)
+        )
         for epsilon in (0.0, 0.3, 1.0)
     ]
     assert counted[0] <= counted[1] <= counted[2]
@@ -128,13 +132,26 @@ def test_counts_of_another_epsilon_are_not_added(tmp_path, monkeypatch):
 
 
 def test_rates_have_garwood_s_interval():
-    found = rates.rate(3, 2e6)
-    assert (found.rate, found.million_km) == (1.5, 2.0)
+    found = rates.rate(np.ones(3), 1_000_000, 2e6)
+    assert (found.events, found.rate, found.million_km) == (3, pytest.approx(1.5), 2.0)
     assert found.low == pytest.approx(0.618672 / 2.0, rel=1e-5)
     assert found.high == pytest.approx(8.767273 / 2.0, rel=1e-5)
-    nothing = rates.rate(0, 1e6, 2.0)
+    nothing = rates.rate(np.zeros(0), 1_000_000, 1e6, 2.0)
     assert (nothing.rate, nothing.low) == (0.0, 0.0)
     assert nothing.high == pytest.approx(2 * 3.688879, rel=1e-6)
+
+
+def test_contacts_are_weighed_back_to_another_epsilon():
+    """Counted with 0.6 and weighed to 0.3, contacts are as frequent as counted with 0.3."""
+    count, found = 250, {}
+    for epsilon in (0.3, 0.6):
+        rows = np.concatenate([r for r in contacts(approach(epsilon), count, look_away=True) if len(r)])
+        rows = rows[(rows[:, C.KIND] != C.NEAR_CRASH) & (rows[:, C.AGAIN] == 0.0)]
+        found[epsilon] = np.column_stack([np.zeros(len(rows)), rows])
+    weight = rates.weights_of(found[0.6], 0.6, 0.3)
+    error = np.hypot(np.sqrt(len(found[0.3])), np.sqrt(weight @ weight))
+    assert weight.sum() == pytest.approx(len(found[0.3]), abs=2.5 * error)
+    assert (rates.weights_of(found[0.3], 0.3, 0.3) == 1.0).all()
 
 
 def test_the_page_tells_what_was_counted(tmp_path, monkeypatch):
