@@ -22,8 +22,10 @@ class Lens:
     focal_px: float
     centre_x_px: float
     centre_y_px: float
-    # (h, w) float32 each: x and y for cv2.remap; None: every pixel in its place
-    at: tuple[np.ndarray, np.ndarray] | None
+    at: (
+        # (h, w) float32 each: x and y for cv2.remap; None: every pixel in its place
+        tuple[np.ndarray, np.ndarray] | None
+    )
 
     def warp(self, picture: np.ndarray, labels: bool = False) -> np.ndarray:
         """The picture as the lens shows it; `labels`: take the nearest value, do not mix."""
