@@ -257,7 +257,10 @@ class JobStore:
     # -- workers that were wrong -----------------------------------------------------------------------------
 
     def quarantine(self, worker: str, why: str) -> list[str]:
-        """Void every chunk of the worker that no other worker has confirmed, and keep its name; the jobs concerned."""
+        """Void every chunk of the worker that no other worker has confirmed, and keep its name; the jobs concerned.
+
+        Those that were done are running again, by the same transaction: no job is done without its rollouts.
+        """
         now = _now()
         key = ("job", "phase", "iteration", "start", "epoch")
         confirmed = sa.exists().where(*(chunks.c[k] == audits.c[k] for k in key))
@@ -276,6 +279,10 @@ class JobStore:
                         [*key, "next_epoch", "reason", "at"], picked.where(doubtful, chunks.c.job == job_id)
                     )
                 )
+                status = connection.scalar(sa.select(_STATUS).where(jobs.c.id == job_id))
+                if status is not None and msgspec.json.decode(status)["status"] == "done":
+                    body = {"status": "running", "reason": taken_up_again(worker)}
+                    _add_event(connection, job_id, STATUS, body, now)
             row = {"worker": worker, "reason": why, "at": now}
             connection.execute(insert_once(self._engine, quarantine), row)
         return list(found)
@@ -315,6 +322,11 @@ class JobStore:
                 return list(connection.execute(query))
         except SQLAlchemyError as error:
             raise StoreError(f"cannot read {shown(self._engine)}: {reason(error)}") from error
+
+
+def taken_up_again(worker: str) -> str:
+    """The reason of the status of a job that was done with rollouts of a worker found wrong since."""
+    return f"taken up again: rollouts of worker {worker} are void"
 
 
 def _add_event(connection: sa.Connection, job_id: str, kind: str, body: dict[str, Any], now: str) -> int:

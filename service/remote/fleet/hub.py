@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import ce
 from service.errors import StoreError, TailroadError
 from service.evaluation.job import held_bytes
-from service.evaluation.store.jobs import OPEN, AuditRow, Event, JobRow, JobStore
+from service.evaluation.store.jobs import OPEN, AuditRow, Event, JobRow, JobStore, taken_up_again
 from service.remote.fleet import events as E
 from service.remote.fleet.answers import chunk_of
 from service.remote.fleet.messages import (
@@ -383,10 +383,10 @@ class Hub:
             self._writes.popleft()
 
     def _reopen(self, jobs: list[str], worker: str) -> None:
-        """Jobs that were done with rollouts of a worker found wrong since are taken up again."""
+        """Jobs that were done with rollouts of a worker found wrong since, and that the database has running again, are
+        taken up."""
         for name in jobs:
             row = self.store.job(name)
-            if row is not None and row.status == "done":
-                reason = f"taken up again: rollouts of worker {worker} are void"
-                self._publish(self.store.add_event(name, "status", {"status": "running", "reason": reason}))
+            if row is not None and (row.status, row.reason) == ("running", taken_up_again(worker)):
+                self._publish(self.store.events(name, limit=2**31 - 1)[-1])
                 self.take_up(row)

@@ -127,6 +127,16 @@ def test_what_a_wrong_worker_did_is_void_unless_somebody_confirmed_it(store, job
     assert store.epoch("a") == 1
 
 
+def test_a_done_job_that_loses_rollouts_is_running_again_by_the_same_transaction(store, job):
+    store.add_job("b", job, 0, 1.0, "", "running")
+    for name in "ab":
+        put(store, name, chunk(0, 10), worker="wrong")
+        store.add_event(name, "status", {"status": "done" if name == "a" else "cancelled", "reason": ""})
+    assert store.quarantine("wrong", "its values differ") == ["a", "b"]
+    assert (store.job("a").status, store.job("b").status) == ("running", "cancelled")
+    assert store.job("a").reason == "taken up again: rollouts of worker wrong are void"
+
+
 def test_iterations_are_of_the_present_epoch(store):
     record = ce.EstimationRecord(0, 100, 0.5, 0.1, 0.4, 0.6, 50.0, 0.01, 50, 0)
     store.add_iterations("a", 0, 0, [record, record])

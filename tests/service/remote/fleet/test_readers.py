@@ -5,8 +5,10 @@ from __future__ import annotations
 import logging
 import sqlite3
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import msgspec
 import pytest
@@ -14,6 +16,7 @@ import pytest
 from service.evaluation.job import Problem, make_job
 from service.evaluation.store.jobs import JobStore
 from service.evaluation.store.states import LastState
+from service.remote.fleet import events as E
 from service.remote.fleet.policy import Policy
 from service.remote.fleet.statistics import Statistics
 from tests.service.remote.fleet.light import LIMIT_S, Gate, LightFleet, LightWorker, expected, light_fleet
@@ -171,3 +174,27 @@ def test_the_state_of_an_open_job_is_not_written_down_by_whoever_asks(tmp_path, 
         store.add_event("paused", "status", {"status": "cancelled", "reason": ""})
         statistics.last("paused")
         assert store.states.kept("paused", 0).sound
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_a_done_job_that_loses_rollouts_is_run_again_even_if_the_service_is_killed_at_that_moment(
+    tmp_path, make_scenario, killed
+):
+    name, told = done_job(tmp_path, make_scenario)
+    if killed:  # right after it has voided them
+        with JobStore(f"sqlite:///{tmp_path / 'fleet.sqlite'}") as store:
+            assert store.quarantine("w", "a test") == [name]
+    with light_fleet(tmp_path, replace(POLICY, garbled=1)) as fleet:
+        if not killed:
+            wrong = LightWorker(fleet.port, "w")
+            deadline = time.monotonic() + LIMIT_S
+            while "w" not in {known.id for known in fleet.fleet.workers()}:
+                assert time.monotonic() < deadline
+            fleet.hub.post(E.Garbled("w", "a test"))
+            wrong.join()
+        worker = LightWorker(fleet.port, "other")
+        fleet.wait_status(name, "done")
+        worker.stop()
+        assert fleet.store.epoch(name) == 1
+        assert {origin.worker for *_, origin in fleet.store.chunks.with_origins(name)} == {"other"}
+        assert fleet.fleet.estimate(name)["p"] == told["p"]
