@@ -59,7 +59,7 @@ def run(
 
 @click.command()
 @click.option("--scenario", default="i80-paper-10s", show_default=True)
-@click.option("--ego", default="lidar", show_default=True)
+@click.option("--ego", default="lidar-paper", show_default=True)
 @click.option("--rollouts", default=30_000, show_default=True, type=click.IntRange(100))
 @click.option("--seed", default=1, show_default=True)
 def main(scenario: str, ego: str, rollouts: int, seed: int) -> None:

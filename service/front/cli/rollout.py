@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 
 import click
+import msgspec
 
 import ce
 from service.analysis.trace import record, write_table
@@ -84,6 +85,12 @@ def command(
         if frames is not None:
             write_frames(trace, problem.corridor, frames, title, view)
     kind = measure_kind(loaded.safety.measure)
+    contact = None
+    if result.contact is not None:
+        told = msgspec.to_builtins(result.contact)
+        contact = told | {
+            "other": trace.names[told["other"]] if told["other"] < len(trace.names) else "background"
+        }
     summary = {
         "scenario": scenario,
         "ego": ego,
@@ -92,6 +99,7 @@ def command(
         "measure": loaded.safety.measure,
         "unit": kind.unit,
         "outcome": result.outcome,
+        "contact": contact,
         "steps": result.steps,
         "time_s": round(result.steps * problem.job.scenario.time.step_s, 3),
         "ego_mean_speed_mps": float(trace.agents[:, trace.ego, A.SPEED_MPS].mean()),

@@ -6,8 +6,6 @@ scenario may be renamed and the schema may grow. Defaults therefore stay what th
 
 import ast
 import hashlib
-import io
-import tokenize
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -27,6 +25,8 @@ CAMERA_WEIGHTS = ".onnx"  # the shipped egos with a camera are networks in this 
 # The code of egos that no compiled rollout repeats bit for bit, so that no audit notices when it changes.
 SUMO_CODE = ("service/world/egos/sumo.py", "service/world/sim/sumo.py")
 CAMERA_CODE = ("policies/egos/vision.py", "service/world/camera/*.py")
+OF_TYPES = ("typing", "collections.abc", "__future__")  # imports that decide nothing
+NO_DEEDS = {"annotation", "returns", "type_comment", "type_params", "kind", "ctx"}  # fields of syntax trees
 NOT_SEEN_BY_EGOS = ("__init__.py", "export.py", "sheet.py", "start.py")  # of the camera's
 
 
@@ -88,23 +88,35 @@ def _code(patterns: Iterable[str]) -> Iterable[bytes]:
 
 
 def code_alone(source: str) -> str:
-    """A source without its comments, docstrings and spaces, the same for every Python that can read it."""
-    texts = {
-        (node.body[0].lineno, node.body[0].col_offset)
-        for node in ast.walk(ast.parse(source))
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
-        and ast.get_docstring(node, clean=False) is not None
-    }
-    marks = {tokenize.INDENT: "{", tokenize.DEDENT: "}", tokenize.NEWLINE: ";"}
+    """What a source does, without comments, docstrings, types and form: the same for every Python that can read it."""
+    return _said(ast.parse(source))
+
+
+def _said(node: Any) -> str:
+    if isinstance(node, list):
+        return "[" + ";".join(said for said in map(_said, node) if said) + "]"
+    if not isinstance(node, ast.AST):
+        return repr(node)
+    if isinstance(node, ast.ImportFrom) and node.module in OF_TYPES:
+        return ""
+    if isinstance(node, ast.AnnAssign):
+        if node.value is None:
+            return ""
+        node = ast.Assign([node.target], node.value)
     parts = []
-    left_out = False  # the docstring just before, whose line ends too
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type in (tokenize.COMMENT, tokenize.NL):
-            continue
-        if not (left_out and token.type == tokenize.NEWLINE):
-            left_out = token.type == tokenize.STRING and token.start in texts
-            if not left_out:
-                parts.append(marks.get(token.type, token.string))
-    # tokens of f-strings differ between versions of Python, in spaces and in doubled braces
-    joined = "".join("".join(parts).split())
-    return joined.replace("{{", "{").replace("}}", "}").replace(",)", ")").replace(",]", "]")
+    for name in node._fields:
+        value = getattr(node, name, None)
+        if name == "body" and isinstance(value, list) and _is_docstring(value):
+            value = value[1:]
+        if name not in NO_DEEDS and value not in (None, []):
+            parts.append(f"{name}={_said(value)}")
+    return f"{type(node).__name__}({','.join(parts)})"
+
+
+def _is_docstring(body: list[Any]) -> bool:
+    first = body[0] if body else None
+    return (
+        isinstance(first, ast.Expr)
+        and isinstance(first.value, ast.Constant)
+        and isinstance(first.value.value, str)
+    )

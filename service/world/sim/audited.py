@@ -34,7 +34,11 @@ class Audited:
         if int(noise_seed) % EVERY == 0:
             again = self._simulator.run(x, noise_seed)
             same = np.array_equal(again.f, rollout.f, equal_nan=True)
-            same = same and (again.outcome, again.steps) == (rollout.outcome, rollout.steps)
+            same = same and (again.outcome, again.steps, again.contact) == (
+                rollout.outcome,
+                rollout.steps,
+                rollout.contact,
+            )
             if not same:
                 raise SimulationError(
                     f"the rollout with noise seed {int(noise_seed)} came to f = {rollout.f!r} ({rollout.outcome}, "

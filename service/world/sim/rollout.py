@@ -12,6 +12,7 @@ import numpy as np
 from policies.drivers import DriverModel
 from policies.egos import EgoPolicy, Observation
 from service.errors import EgoError
+from service.world.safety.contact import Contact, contact_of
 from service.world.safety.measure import open_monitor
 from service.world.scenario.base import causes, searched_action_noise, unpack
 from service.world.scenario.causes import REACTION_S
@@ -38,12 +39,20 @@ BACKGROUND_ROWS = 1000  # background vehicles at most
 
 @dataclass(frozen=True)
 class Rollout:
-    """What a rollout came to. `f` is the value of the scenario's safety measure; low is dangerous."""
+    """What a rollout came to.
+
+    f: value of the scenario's safety measure; low is dangerous
+    outcome: one of OUTCOMES, or "error"
+    steps: that were driven
+    error: what failed; None where nothing did
+    contact: of the ego, where it ended the rollout
+    """
 
     f: float
-    outcome: str  # one of OUTCOMES, or "error"
+    outcome: str
     steps: int
     error: str | None = None
+    contact: Contact | None = None
 
 
 def seed_and_action_noise(
@@ -276,4 +285,5 @@ class Simulator:
             k += 1
         if observer is not None:
             observer.see(world, k * self._dt_s, ttc, None)
-        return Rollout(f if monitor is None else monitor.value(), OUTCOMES[status], k)
+        contact = contact_of(world.agents, world.count, world.ego) if status == step.COLLIDED else None
+        return Rollout(f if monitor is None else monitor.value(), OUTCOMES[status], k, contact=contact)

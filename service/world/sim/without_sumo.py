@@ -19,6 +19,7 @@ from policies.jit import kernel
 from policies.layout import OUTPUTS
 from policies.network import forward, sample_action
 from service.errors import InputError
+from service.world.safety.contact import contact_of
 from service.world.safety.impact import time_or_impact
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
@@ -178,4 +179,5 @@ class WithoutSumo:
         )  # fmt: skip
         if math.isnan(f):
             return Rollout(math.nan, "error", 0, "EgoError: the ego answered a number that is not finite")
-        return Rollout(f, OUTCOMES[status], k)
+        contact = contact_of(world.agents, world.count, world.ego) if status == step.COLLIDED else None
+        return Rollout(f, OUTCOMES[status], k, contact=contact)

@@ -51,15 +51,17 @@ def test_whatever_decides_rollouts_does():
     assert len(digests) == len(others) + 1
 
 
-def test_code_is_read_without_its_comments_and_its_form():
-    code = 'def f(a):\n    """Says so."""\n    return f"{a} b" if a else {"x": 1}  # why\n'
+def test_code_is_read_without_its_comments_its_types_and_its_form():
+    code = 'def f(a):\n    """Says so."""\n    b = 1\n    return f"{a} b" if a else {"x": 1}  # why\n'
     same = (
-        'def f(\n    a,\n):\n    """Says it otherwise,\n    and longer."""\n\n'
+        "from collections.abc import Sequence\n\n\n"
+        'def f(\n    a: Sequence[int],\n) -> object:\n    """Says it otherwise,\n    and longer."""\n\n    b: int = 1\n'
         '    return f"{a} b" if a else {\n"x": 1}\n'
     )
     assert code_alone(code) == code_alone(same)
-    assert code_alone(code) != code_alone(code.replace("1", "2"))
+    assert code_alone(code) != code_alone(code.replace('"x": 1', '"x": 2'))
     assert code_alone(code) != code_alone(code.replace("    return", "    a += 1\n    return"))
+    assert code_alone(code) != code_alone("from math import exp\n" + code)
     nested = "if a:\n    b()\n    c()\n"
     assert code_alone(nested) != code_alone("if a:\n    b()\nc()\n")
 

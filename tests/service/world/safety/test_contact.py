@@ -1,0 +1,51 @@
+"""Contact geometry, on contacts made by hand: which vehicle, which side, which part; a mirror swaps left and right."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from service.world import agents as A
+from service.world.safety.contact import Contact, contact_of
+
+EGO = (0.0, 0.0, 0.0, 20.0)
+CASES = {
+    "runs into one ahead": ((4.3, 0.0, 0.0, 15.0), ("front", "middle"), ("rear", "middle")),
+    "runs into one ahead with its left half": ((4.3, 1.2, 0.0, 15.0), ("front", "left"), ("rear", "right")),
+    "is run into from behind": ((-4.3, -1.0, 0.0, 28.0), ("rear", "right"), ("front", "left")),
+    "side swipe by one that drifts in": ((0.0, 2.05, -0.12, 20.0), ("left", "front"), ("right", "front")),
+    "side swipe from behind": ((-3.0, 1.75, -0.02, 24.0), ("left", "rear"), ("right", "front")),
+    "crossing from the right": ((1.5, -2.9, math.pi / 2, 12.0), ("right", "front"), ("front", "middle")),
+    "head on": ((4.2, 0.0, math.pi, 15.0), ("front", "middle"), ("front", "middle")),
+    "stood in each other": ((0.2, 1.7, 0.0, 20.0), ("left", "middle"), ("right", "middle")),
+}
+MIRRORED = {"left": "right", "right": "left"}
+
+
+def told(contact: Contact | None) -> tuple[tuple[str, str], tuple[str, str]]:
+    assert contact is not None
+    return (contact.ego_side, contact.ego_part), (contact.other_side, contact.other_part)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_sides_and_parts_of_a_contact_and_of_its_mirror_image(agents_of, case):
+    row, ego, other = CASES[case]
+    agents = agents_of(EGO, (200.0, 0.0, 0.0, 0.0), row)
+    found = contact_of(agents, 3, 0)
+    assert told(found) == (ego, other)
+    assert found is not None
+    assert found.other == 2
+    assert found.speed_mps == pytest.approx(np.hypot(20.0 - row[3] * np.cos(row[2]), row[3] * np.sin(row[2])))
+    agents[:, [A.Y_M, A.HEADING_RAD, A.SIN]] *= -1.0
+    swapped = tuple(tuple(MIRRORED.get(word, word) for word in pair) for pair in (ego, other))
+    assert told(contact_of(agents, 3, 0)) == swapped
+
+
+def test_without_a_contact_there_is_none_and_of_several_the_fastest_is_told(agents_of):
+    assert contact_of(agents_of(EGO, (4.6, 0.0, 0.0, 15.0)), 2, 0) is None
+    agents = agents_of(EGO, (4.4, 0.0, 0.0, 15.0), (-4.4, 0.0, 0.0, 29.0))
+    found = contact_of(agents, 3, 0)
+    assert found is not None
+    assert (found.other, found.ego_side) == (2, "rear")
