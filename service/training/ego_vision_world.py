@@ -7,6 +7,7 @@ import numpy as np
 from policies import layout
 from policies.drivers import load_drivers
 from policies.egos.protocol import EgoPolicy, Observation
+from service.errors import InputError
 from service.training.demonstrator import NOTHING, avoid
 from service.training.world import standard_starts
 from service.world import agents as A
@@ -16,7 +17,9 @@ from service.world.scenario import Scenario, load_scenario
 from service.world.scenario.base import base_distribution, unpack
 from service.world.scenario.check import check_road
 from service.world.sim import step
+from service.world.sim.human import traits_of
 from service.world.sim.road import road_of
+from service.world.sim.rollout import Draw
 from service.world.sim.world import DriverNetwork, World, action_noise
 
 VEHICLES = 6
@@ -83,7 +86,18 @@ class VisionWorld:
         model = self.model
         network = DriverNetwork(model.w1, model.b1, model.w2, model.b2, model.action_scale)
         self.ego = scenario.ego
-        self.world = World(road_of(self.corridor), network, VEHICLES, self.ego, scenario.time.step_s)
+        self.world = World(
+            road_of(self.corridor),
+            network,
+            VEHICLES,
+            self.ego,
+            scenario.time.step_s,
+            traits=traits_of(scenario),
+        )
+        if len({one.human is None for one in self.scenarios.values()}) == 2:
+            raise InputError(
+                f"scenarios {' and '.join(scenarios)}: human drivers in both or in neither are needed"
+            )
         self.scene: Scene = build_scene(self.corridor)
         self.camera = Camera(scenario.camera)
 
@@ -132,13 +146,20 @@ class VisionWorld:
               sway: float = 0.0, every: int = 0) -> Drive:  # fmt: skip
         """Let `ego` drive a draw of the scenario; `sway` disturbs its actions, every `every`-th moment is kept."""
         world = self.world
-        starts, weights = unpack(self.scenarios[scenario], self._draw(scenario, rng))
-        world.reset(starts, weights)
+        drawn, x = self.scenarios[scenario], self._draw(scenario, rng)
+        human = drawn.human is not None
+        if human:
+            seed = int(rng.integers(2**31))
+            _, happens = Draw(drawn).begin(world, x, seed)
+            steps = min(steps, len(happens))
+        else:
+            world.reset(*unpack(drawn, x))
         if sway:
             world.agents[self.ego, A.HEADING_RAD] += rng.normal(0.0, 0.02)
             world.agents[self.ego, A.SPEED_MPS] = rng.uniform(6.0, 24.0)
-        seed = int(rng.integers(2**31))
-        noise = action_noise(seed, steps, VEHICLES)
+        if not human:  # drives may last longer than the scenario
+            seed = int(rng.integers(2**31))
+            happens = action_noise(seed, steps, VEHICLES)
         ego.reset(seed)
         status, _ = world.observe()
         observation = Observation(world.observations[self.ego], 0.0)
@@ -156,7 +177,7 @@ class VisionWorld:
             action = ego.act(observation)
             if sway:
                 push = 0.9 * push + rng.normal(0.0, sway, 2) * (0.5, 0.012)
-            world.advance(action[0] + push[0], action[1] + push[1], noise[k])
+            world.advance(action[0] + push[0], action[1] + push[1], happens[k])
             status, _ = world.observe()
         states = States(
             np.array([poses for poses, _, _ in kept]).reshape(-1, VEHICLES, 6),

@@ -18,11 +18,12 @@ from service.training.metrics import rate
 from service.training.world import Network
 from service.world import agents as A
 from service.world.scenario import load_scenario
-from service.world.scenario.base import base_distribution, unpack
+from service.world.scenario.base import base_distribution
 from service.world.scenario.check import check_road
 from service.world.sim import step
+from service.world.sim.human import traits_of
 from service.world.sim.road import road_of
-from service.world.sim.rollout import seed_and_action_noise
+from service.world.sim.rollout import Draw
 from service.world.sim.world import DriverNetwork, World
 
 Policy = Callable[[np.ndarray], tuple[float, float]]  # observation (51,) -> m/s^2 and rad/s
@@ -58,9 +59,14 @@ class Traffic:
         network = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
         self.corridor = check_road(self.scenario, self.scenario.name)
         self.base = base_distribution(self.scenario, drivers)
-        vehicles = len(self.scenario.vehicles)
+        self._draw = Draw(self.scenario)
         self.world = World(
-            road_of(self.corridor), network, vehicles, self.scenario.ego, self.scenario.time.step_s
+            road_of(self.corridor),
+            network,
+            len(self.scenario.vehicles),
+            self.scenario.ego,
+            self.scenario.time.step_s,
+            traits=traits_of(self.scenario),
         )
 
     def draw(self, seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -81,8 +87,7 @@ class Traffic:
         every: of every so many moments one is kept, 0: none; sway: (steps, 2) disturbs its actions, m/s^2 and rad/s.
         """
         world, ego = self.world, self.world.ego
-        _, noise = seed_and_action_noise(self.scenario, x, noise_seed, world.vehicles)
-        world.reset(*unpack(self.scenario, x))
+        _, happens = self._draw.begin(world, x, noise_seed)
         me, spacing = world.agents[ego], world.road.spacing_m
         status, _ = world.observe()
         start_m = me[A.STATION] * spacing + me[A.ALONG_M]
@@ -96,7 +101,7 @@ class Traffic:
             a, w = policy(world.observations[ego])
             if sway is not None:
                 a, w = a + sway[k, 0], w + sway[k, 1]
-            world.advance(a, w, noise[k])
+            world.advance(a, w, happens[k])
             status, _ = world.observe()
         km = float(me[A.STATION] * spacing + me[A.ALONG_M] - start_m) / 1000.0
         return Drive(
@@ -127,9 +132,12 @@ class Traffic:
         changed[names.index(f"{other.name}.station_m")] = x[names.index(f"{ego.name}.station_m")] + along
         changed[names.index(f"{other.name}.speed_mps")] = other_speed
         changed[names.index(f"{other.name}.lane_offset_m")] += towards * nearer
-        heading = f"{other.name}.heading_deg"
-        if heading in names:
-            changed[names.index(heading)] = np.rad2deg(towards * rng.uniform(0.0, 0.7) / other_speed)
+        across, offset = towards * rng.uniform(0.0, 0.7), changed[names.index(f"{other.name}.lane_offset_m")]
+        if self.scenario.start.lateral_mps is None:
+            changed[names.index(f"{other.name}.heading_deg")] = np.rad2deg(across / other_speed)
+        else:  # what is drawn is the lateral speed in the lane's middle
+            gain = 1.0 + self.scenario.start.lateral_offset_gain * offset**2
+            changed[names.index(f"{other.name}.lateral_mps")] = across / gain
         return changed
 
     def visited(self, network: Network, expert: Expert, rollouts: int, rng: np.random.Generator) -> Rows:

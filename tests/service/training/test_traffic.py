@@ -16,12 +16,11 @@ from service.world.scenario.base import unpack
 from service.world.sim import step
 from service.world.sim.without_sumo import WithoutSumo
 
-SCENARIO = "i80-paper-10s"
 
-
-@pytest.fixture(scope="module")
-def traffic() -> Traffic:
-    return Traffic(SCENARIO)
+@pytest.fixture(scope="module", params=["i80-paper-10s", "i80-10s"])
+def traffic(request) -> Traffic:
+    """Among the paper's drivers, and among human ones."""
+    return Traffic(request.param)
 
 
 def test_a_drive_is_the_services_rollout(traffic):
@@ -33,6 +32,7 @@ def test_a_drive_is_the_services_rollout(traffic):
         drive = traffic.drive(lambda seen: ego.act(Observation(seen, 0.0)), row, seed)
         expected = alone.run(row, seed)
         assert drive.status == {"horizon": step.RUNNING, "collision": step.COLLIDED}[expected.outcome]
+        assert np.array_equal(traffic.world.agents, alone._world.agents)
         assert 0.05 < drive.km < 0.3
 
 
