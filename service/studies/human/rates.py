@@ -151,7 +151,7 @@ def _introduction(told: list[dict[str, Any]]) -> list[str]:
         whole = one["parts"]["together"]
         lines.append(f"`{one['scenario']}`, epsilon = {one['epsilon']:g}: {_verdict(whole, one)}")
     lines.append(
-        "Epsilon is the one number that is set on these rates, on the involvements of `i80` over its 2 km; "
+        "Epsilon is the one number to be set on these rates, on the involvements of `i80` over its 2 km; "
         "near-crashes, their ratio to crashes and delta-v are not tuned. NGSIM's own tail cannot set it: extreme "
         "values fitted to its times to collision allow 0 to 11,000 crashes per million km."
     )
