@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from service.analysis.estimate_parts import Rollouts
 from service.errors import InputError
 from service.evaluation.job import make_job
 from service.remote.api import objects as O
@@ -51,7 +52,7 @@ class Service:
 
     def estimate(self, job):
         found = self.job(job)
-        n = O.Rollouts(total=found.budget, training=0, estimation=found.budget, failed=0)
+        n = Rollouts(total=found.budget, training=0, estimation=found.budget, failed=0)
         return SimpleNamespace(rollouts=n, method=found.method, warnings=(), variance_reliable=True, worker_s=1.0,
                                sim_s=1.0, wall_s=1.0, tailroad="1", max_weight_share=0.1)  # fmt: skip
 
