@@ -147,6 +147,31 @@ def respond(
 
 
 @kernel
+def foreseen(
+    agents: np.ndarray, count: int, seen: np.ndarray, i: int, traits: np.ndarray, seconds: float, held_mps2: float
+) -> bool:  # fmt: skip
+    """Whether vehicle i would be in conflict with one ahead in its path after a glance of so many seconds.
+
+    At the others' present speeds, its own acceleration held where it is above 0.
+    """
+    gain = max(held_mps2, 0.0) * seconds
+    for j in range(count):
+        along = seen[j, STATION_M] - seen[i, STATION_M]
+        if j == i or agents[j, A.ACTIVE] == 0.0 or along <= 0.0 or along > AHEAD_M:
+            continue
+        room = abs(seen[j, OFFSET_M] - seen[i, OFFSET_M]) - 0.5 * (
+            agents[i, A.WIDTH_M] + agents[j, A.WIDTH_M]
+        )
+        closing = seen[i, SPEED_MPS] - seen[j, SPEED_MPS]
+        if room >= IN_PATH_M or closing + gain <= LEAST_CLOSING_MPS:
+            continue
+        gap = along - 0.5 * (agents[i, A.LENGTH_M] + agents[j, A.LENGTH_M]) - (closing + 0.5 * gain) * seconds
+        if gap < traits[TTC_S] * (closing + gain):
+            return True
+    return False
+
+
+@kernel
 def in_conflict(agent: np.ndarray, mind: np.ndarray, busy_mps: float) -> bool:
     """Whether nobody would look away now: a conflict is perceived, or the vehicle moves across at `busy_mps` or
     more."""

@@ -96,7 +96,9 @@ def advance_human(
         seconds = happens[i, L.GLANCE]
         if seconds > mind[M.AWAY_S]:
             leaks = happens[i, L.LEAK] != 0.0
-            busy = C.in_conflict(agent, mind, BUSY_MPS)
+            busy = C.in_conflict(agent, mind, BUSY_MPS) or C.foreseen(
+                agents, count, seen, i, traits, seconds, mind[M.HELD_MPS2]
+            )
             if busy:
                 mind[M.LEAKED if leaks else M.RESISTED] += 1.0
             if leaks or not busy:
@@ -120,6 +122,9 @@ def advance_human(
             found = C.conflicts(agents, count, seen, i, traits)
             acceleration, turn_rate = C.respond(agent, mind, found, traits, dt_s, acceleration, turn_rate)
             mind[M.SINCE_AWAY_S] += dt_s
-            mind[M.HELD_MPS2] = acceleration
+            # what a driver holds is what it means to do, braking included, without the noise of the moment
+            mind[M.HELD_MPS2] = action_scale[0] * np.float64(outputs[0])
+            if mind[M.EVADED] != 0.0:
+                mind[M.HELD_MPS2] = acceleration
         advance(agent, acceleration, turn_rate, dt_s, False)
     write_poses(agents, controlled, lanes.shape[1], poses)

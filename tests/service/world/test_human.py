@@ -44,8 +44,8 @@ ENV = 1  # a row that is not the ego's
 
 
 def human_scenario(epsilon: float = 0.1, horizon_s: float = 10.0, noise=None, glances=None) -> Scenario:
-    """`i80-10s` with human drivers and starts by their lateral speed; the dictionaries change single values."""
-    scenario = load_scenario("i80-10s")
+    """`i80-paper-10s` with human drivers and starts by their lateral speed; the dictionaries change single values."""
+    scenario = load_scenario("i80-paper-10s")
     human = Human(
         glances=Glances(epsilon=epsilon, **(glances or {})),
         noise=msgspec.structs.replace(NOISE, **(noise or {})),
@@ -368,7 +368,7 @@ def test_a_human_table_needs_its_epsilon(tmp_path):
 def test_headings_are_given_once(start, remedy):
     scenario = human_scenario()
     if "heading_deg" in start:
-        start = {"heading_deg": load_scenario("i80-10s").start.heading_deg}
+        start = {"heading_deg": load_scenario("i80-paper-10s").start.heading_deg}
     wrong = msgspec.structs.replace(scenario, start=msgspec.structs.replace(scenario.start, **start))
     with pytest.raises(ScenarioError, match=remedy):
         check_values(wrong, "mine.toml")
