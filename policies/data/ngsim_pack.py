@@ -104,8 +104,7 @@ def _perl(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
     leader = t.select("recording", "frame", pl.col("order") + 1, pl.col("vehicle_id").alias("preceding_id"))
     key = ["recording", "frame", "order"]
     t = t.join(leader.unique(key), on=key, how="left")
-    for _, chain in t.group_by("recording", maintain_order=True):
-        yield finish(chain)
+    yield from _by_recording(t)
 
 
 def _durraniu(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
@@ -142,13 +141,11 @@ def _jiang(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
             (pl.col(f"{who}_pos_ft") * FT).alias("x_front_m"),
             (pl.col(f"{who}_v_ftps") * FT).alias("speed_mps"),
             (pl.col(f"{who}_a_ftps2") * FT).alias("accel_mps2"),
-            pl.lit(1 if number == 2 else None, dtype=pl.Int64).alias("preceding_id"),
-            pl.lit(2 if number == 1 else None, dtype=pl.Int64).alias("following_id"),
+            *_partner_of(number),
         )
         for number, who in ((1, "lead"), (2, "foll"))
     ]
-    for _, pair in pl.concat(both).group_by("recording", maintain_order=True):
-        yield finish(pair)
+    yield from _by_recording(pl.concat(both))
 
 
 def _zhu(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
@@ -160,13 +157,11 @@ def _zhu(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
             pl.col("k").alias("frame"),
             pl.col(speed).alias("speed_mps"),
             (pl.col("spacing_m") if number == 2 else pl.lit(None, dtype=pl.Float64)).alias("gap_m"),
-            pl.lit(1 if number == 2 else None, dtype=pl.Int64).alias("preceding_id"),
-            pl.lit(2 if number == 1 else None, dtype=pl.Int64).alias("following_id"),
+            *_partner_of(number),
         )
         for number, speed in ((1, "lead_v_mps"), (2, "foll_v_mps"))
     ]
-    for _, event in pl.concat(both).group_by("recording", maintain_order=True):
-        yield finish(event)
+    yield from _by_recording(pl.concat(both))
 
 
 def _smarts(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
@@ -209,8 +204,7 @@ def _vineet(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
         (pl.col("Space_Headway") - pl.col("preceding_vehicle_length")).alias("gap_m"),
         pl.col("Time_Headway").alias("time_headway_s"),
     )
-    for _, pair in t.group_by("recording", maintain_order=True):
-        yield finish(pair)
+    yield from _by_recording(t)
 
 
 def _i80(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
@@ -229,8 +223,7 @@ def _i80(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
         pl.col("speed_est_mps").alias("speed_mps"),
         length.alias("length_m"),
     )
-    for _, scene in t.group_by("recording", maintain_order=True):
-        yield finish(scene, complete=True)
+    yield from _by_recording(t, complete=True)
 
 
 def _us101(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
@@ -251,8 +244,20 @@ def _us101(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
         "width_m",
         pl.col("type").alias("vehicle_class"),
     )
-    for _, scene in t.group_by("recording", maintain_order=True):
-        yield finish(scene, complete=True)
+    yield from _by_recording(t, complete=True)
+
+
+def _by_recording(t: pl.DataFrame, *, complete: bool = False) -> Iterator[pl.DataFrame]:
+    for _, recording in t.group_by("recording", maintain_order=True):
+        yield finish(recording, complete=complete)
+
+
+def _partner_of(number: int) -> tuple[pl.Expr, pl.Expr]:
+    """Of a pair's vehicle 1, which leads, and 2, which follows: the other one's number."""
+    return (
+        pl.lit(1 if number == 2 else None, dtype=pl.Int64).alias("preceding_id"),
+        pl.lit(2 if number == 1 else None, dtype=pl.Int64).alias("following_id"),
+    )
 
 
 def class_name(column: str) -> pl.Expr:

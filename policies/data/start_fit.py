@@ -30,6 +30,7 @@ from scipy.special import betaln, psi
 from scipy.stats import beta as beta_distribution
 from scipy.stats import kstest, spearmanr
 
+from policies.columns import Values
 from policies.data.ngsim_pack import read_pack
 from policies.data.scenes import I80_HELD_OUT_FROM, DataError, Scene, read_i80
 from policies.data.tables import RAMP_SHARE, is_table, read_tables
@@ -52,14 +53,6 @@ BOUNDS = {
     "speed_mps_lane_1": (0.0, 40.0),
 }
 LARGEST = 900.0  # of alpha and beta
-
-
-@dataclass(frozen=True)
-class Sample:
-    """x (n,) values of one marginal, and the vehicle (n,) that each came from."""
-
-    x: np.ndarray
-    vehicle: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -91,12 +84,12 @@ class BetaFit:
         return beta_distribution.pdf((x - self.low) / width, self.alpha, self.beta) / width
 
 
-def samples(data: Path) -> dict[str, Sample]:
+def samples(data: Path) -> dict[str, Values]:
     """The samples (BOUNDS) of the data pack in folder `data`, or of imported tables (their first road; speeds from the
     scenes, too). Raises DataError where a file is missing or wrong."""
     scenes, from_pack = _scenes(data)
     parts = [_of_scene(scene) for scene in scenes]
-    found = {name: _joined([part[name] for part in parts]) for name in parts[0]}
+    found = {name: Values.joined([part[name] for part in parts]) for name in parts[0]}
     return found | _coifman_speeds(data / COIFMAN_FILE) if from_pack else found
 
 
@@ -108,7 +101,7 @@ def _scenes(data: Path) -> tuple[list[Scene], bool]:
     return [scene for scene in scenes if scene.road.name == scenes[0].road.name], False
 
 
-def _of_scene(scene: Scene) -> dict[str, Sample]:
+def _of_scene(scene: Scene) -> dict[str, Values]:
     train = scene.vehicle_id < scene.held_out_from
     frame, vehicle = _rows(scene, train)
     lane = scene.lane[frame, vehicle]
@@ -117,15 +110,11 @@ def _of_scene(scene: Scene) -> dict[str, Sample]:
     return {
         "station_m": _nearest(scene, train, range(1, main_lanes(scene))),
         "station_m_lane_1": _nearest(scene, train, range(1)),
-        "lane_offset_m": Sample(scene.lateral[frame, vehicle] - centre, who),
-        "heading_deg": Sample(np.degrees(scene.heading[frame, vehicle]), who),
-        "speed_mps": Sample(speed[lane > 0], who[lane > 0]),
-        "speed_mps_lane_1": Sample(speed[lane == 0], who[lane == 0]),
+        "lane_offset_m": Values(scene.lateral[frame, vehicle] - centre, who),
+        "heading_deg": Values(np.degrees(scene.heading[frame, vehicle]), who),
+        "speed_mps": Values(speed[lane > 0], who[lane > 0]),
+        "speed_mps_lane_1": Values(speed[lane == 0], who[lane == 0]),
     }
-
-
-def _joined(parts: list[Sample]) -> Sample:
-    return Sample(np.concatenate([p.x for p in parts]), np.concatenate([p.vehicle for p in parts]))
 
 
 def main_lanes(scene: Scene) -> int:
@@ -163,7 +152,7 @@ def _rows(scene: Scene, train: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return frame, vehicle
 
 
-def _nearest(scene: Scene, train: np.ndarray, lanes: range) -> Sample:
+def _nearest(scene: Scene, train: np.ndarray, lanes: range) -> Values:
     """Signed distance from a line to the nearest vehicle's centre, where the line lies between training vehicles."""
     values, who = [], []
     for f in range(0, len(scene.frame), EVERY_FRAMES):
@@ -178,10 +167,10 @@ def _nearest(scene: Scene, train: np.ndarray, lanes: range) -> Sample:
                 nearest = k if station[k] - line < line - station[k - 1] else k - 1
                 values.append(station[nearest] - line)
                 who.append(scene.vehicle_id[here[nearest]])
-    return Sample(np.array(values), np.array(who, dtype=np.int64))
+    return Values(np.array(values), np.array(who, dtype=np.int64))
 
 
-def _coifman_speeds(path: Path) -> dict[str, Sample]:
+def _coifman_speeds(path: Path) -> dict[str, Values]:
     if not path.is_file():
         raise DataError(
             f"{path}: no such file; --data must name the data pack's folder, which holds {COIFMAN_FILE}"
@@ -196,8 +185,8 @@ def _coifman_speeds(path: Path) -> dict[str, Sample]:
     use = (who < TRAIN_BELOW) & (flags == 0) & (frame % EVERY_FRAMES == 0)
     hov, general = use & (lane == 1), use & (lane >= 2) & (lane <= MAIN_LANES)
     return {
-        "speed_mps": Sample(speed[general], who[general]),
-        "speed_mps_lane_1": Sample(speed[hov], who[hov]),
+        "speed_mps": Values(speed[general], who[general]),
+        "speed_mps_lane_1": Values(speed[hov], who[hov]),
     }
 
 
@@ -220,7 +209,7 @@ def _neighbours_speeds(scenes: list[Scene]) -> float:
     )
 
 
-def fit_beta(sample: Sample, bounds: tuple[float, float], resamples: int = 400, seed: int = 0) -> BetaFit:
+def fit_beta(sample: Values, bounds: tuple[float, float], resamples: int = 400, seed: int = 0) -> BetaFit:
     """Fit as the module's text says. Raises DataError for a sample too small or without spread."""
     if len(np.unique(sample.vehicle)) < 2 or not np.ptp(sample.x) > 0.0:
         raise DataError(f"a fit needs different values of at least 2 vehicles; found {len(sample.x)} values")

@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from policies.columns import Columns
 from policies.data.scenes import Scene
 from policies.data.smoothing import DT_S
 
@@ -20,7 +21,7 @@ WATCHED_S = 5.0  # after the crossing, for the smallest gaps
 
 
 @dataclass(frozen=True)
-class LaneChanges:
+class LaneChanges(Columns):
     """n lane changes, one row each; NaN where there is no such neighbour.
 
     scene (n,) number, vehicle (n,) column, frame (n,) row of the crossing; lane_from, lane_to (0 = leftmost);
@@ -48,12 +49,6 @@ class LaneChanges:
     lag_ttc_s: np.ndarray
     lag_min_headway_s: np.ndarray
     lag_min_ttc_s: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.frame)
-
-    def where(self, mask: np.ndarray) -> "LaneChanges":
-        return LaneChanges(*(getattr(self, f.name)[mask] for f in fields(self)))
 
 
 def lane_changes(scenes: list[Scene]) -> LaneChanges:

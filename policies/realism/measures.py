@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from policies.columns import Values
 from policies.data.neighbours import leader_of
 from policies.data.scenes import EDGE_FRAMES, Scene, smoothed_motion
 from policies.realism.driven import Driven
@@ -25,14 +26,6 @@ QUANTITIES = {
     "headway_s": f"time headway up to {LONGEST_HEADWAY_S:g} s",
     "ttc_s": f"time to collision with the leader up to {LONGEST_TTC_S:g} s, closing in, s",
 }
-
-
-@dataclass(frozen=True)
-class Values:
-    """Values (n,) of one quantity and the vehicle number (n,) of each."""
-
-    x: np.ndarray
-    vehicle: np.ndarray
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.distance import jensenshannon
 from scipy.stats import wasserstein_distance
 
-from policies.realism.measures import Values
+from policies.columns import Values
 
 BINS = 40
 # quantiles of the data between which bins lie; what is outside falls into the outer bins

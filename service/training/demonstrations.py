@@ -11,11 +11,12 @@ aggregated  states that the networks themselves reach on the I-80 road from the 
             recordings have hardly anything (fast, almost empty), labelled by the fitted expert (expert.py).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from policies import layout as O
+from policies.columns import Columns
 from policies.data.scenes import Scene
 from service.training.world import BEAM_TABLE, observe_recorded
 from service.world.sim.road import scene_road
@@ -31,7 +32,7 @@ SPEED_FLOOR_MPS = 4.0
 
 
 @dataclass(frozen=True)
-class Rows:
+class Rows(Columns):
     """n rows. seen: (n, 51) float32; action: (n, 2) m/s^2, rad/s; kind: (n,); trajectory: (n,) unique number of
     the driver's track (for resampling whole trajectories); held_out: (n,) bool."""
 
@@ -41,26 +42,14 @@ class Rows:
     trajectory: np.ndarray
     held_out: np.ndarray
 
-    def __len__(self) -> int:
-        return len(self.seen)
-
-    def where(self, mask: np.ndarray) -> "Rows":
-        return Rows(*(getattr(self, f)[mask] for f in self.__dataclass_fields__))
-
 
 def joined(parts: list[Rows]) -> Rows:
     """All rows of `parts`; trajectory numbers are made unique."""
-    offset, numbers = 0, []
+    offset, unique = 0, []
     for part in parts:
-        numbers.append(part.trajectory + offset)
+        unique.append(replace(part, trajectory=part.trajectory + offset))
         offset += int(part.trajectory.max(initial=-1)) + 1
-    return Rows(
-        np.concatenate([p.seen for p in parts]),
-        np.concatenate([p.action for p in parts]),
-        np.concatenate([p.kind for p in parts]),
-        np.concatenate(numbers),
-        np.concatenate([p.held_out for p in parts]),
-    )
+    return Rows.joined(unique)
 
 
 def held_out_vehicles(scene: Scene) -> np.ndarray:

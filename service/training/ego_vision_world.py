@@ -1,10 +1,11 @@
 """Where the vision ego learns: states on I-80 to look at, and drives in our world without SUMO."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from policies import layout
+from policies.columns import Columns
 from policies.drivers import load_drivers
 from policies.egos.protocol import EgoPolicy, Observation
 from service.errors import InputError
@@ -40,8 +41,8 @@ WEATHER_KINDS: dict[str, Weather] = {
 }
 
 
-@dataclass
-class States:
+@dataclass(frozen=True)
+class States(Columns):
     """n moments: poses (n, 6, 6) of all vehicles, the row that looks (n,), what it perceives (n, 51), and what avoiding
     conflicts asks of it (n, 2) (service.training.demonstrator)."""
 
@@ -49,17 +50,6 @@ class States:
     own: np.ndarray
     seen: np.ndarray
     avoidance: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.own)
-
-    @staticmethod
-    def joined(parts: list["States"]) -> "States":
-        names = [field.name for field in fields(States)]
-        return States(*(np.concatenate([getattr(p, k) for p in parts]) for k in names))
-
-    def where(self, mask: np.ndarray) -> "States":
-        return States(*(getattr(self, field.name)[mask] for field in fields(States)))
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.special import ndtr, ndtri
 
-import ce
 from service.analysis.failures.events import chain_shares
 from service.analysis.failures.shares import replicated_share, share_interval
+from tests.reference.two_ways import met_by_splitting
 
 DIMENSION = 10
 PROBLEMS = {
@@ -55,22 +55,11 @@ def true_share(a: float, b: float) -> float:
 
 def one(a: float, b: float, truth: float, seed: int) -> tuple[float, float, float, float] | None:
     """Whether the interval holds the truth and its width, for both ways; None where no event was met."""
-    base = ce.Product([ce.Normal(np.zeros(DIMENSION), np.eye(DIMENSION))])
-    algorithm = ce.algorithm("splitting", base, 0.0, ce.SplittingOptions(budget=BUDGET))
-    state = algorithm.init(seed)
-    met: list[float] = []
-    member: list[bool] = []
-    while (batch := algorithm.propose(state)) is not None:
-        first, second = a - batch.x[:, 0], b - batch.x[:, 1]
-        f = np.minimum(first, second)
-        met += f[f <= 0.0].tolist()
-        member += (first < second)[f <= 0.0].tolist()
-        state, _ = algorithm.update(state, batch, f)
-    estimate = algorithm.estimate(state)
-    share, replication, replicated = chain_shares(estimate, np.array(met))
+    estimate, met, mine = met_by_splitting(a, b, DIMENSION, BUDGET, seed)
+    share, replication, replicated = chain_shares(estimate, met)
     if not share.sum() > 0.0:
         return None
-    inside, mine = share > 0.0, np.array(member)
+    inside = share > 0.0
     _, low, high = replicated_share(mine[inside], share[inside], replication[inside], replicated, 0.95)
     _, low_before, high_before = counting(mine, estimate.ess)
     return low <= truth <= high, high - low, low_before <= truth <= high_before, high_before - low_before

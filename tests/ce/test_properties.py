@@ -10,6 +10,7 @@ from scipy.integrate import quad
 
 import ce
 from ce.results import Estimate
+from tests.ce.resuming import resumed_at_every_step
 from tests.reference.problems import BETAS, CORRELATED, LINEAR_2
 
 BASE = ce.Product([ce.Normal([0.0], [[1.0]])])
@@ -117,15 +118,6 @@ def test_every_method_resumes_at_every_step_to_the_same_bits(method, problem, se
     options = ce.general_options(budget, rel_error) if method == "ce" else None
     options = options or ce.OPTIONS[method](budget=budget, rel_error=rel_error)
     algorithm = ce.algorithm(method, problem.base, problem.gamma, options)
-    straight = resumed = algorithm.init(seed)
-    asked = 0
-    while (batch := algorithm.propose(straight)) is not None:
-        straight, _ = algorithm.update(straight, batch, problem.f(batch.x))
-        resumed = algorithm.from_bytes(algorithm.to_bytes(resumed))
-        again = algorithm.propose(resumed)
-        np.testing.assert_array_equal(again.x, batch.x)
-        np.testing.assert_array_equal(again.noise, batch.noise)
-        resumed, _ = algorithm.update(resumed, again, problem.f(again.x))
-        asked += batch.x.shape[0]
-    assert algorithm.to_bytes(straight) == algorithm.to_bytes(resumed)
-    assert asked == algorithm.estimate(straight).rollouts <= budget
+    steps = list(resumed_at_every_step(algorithm, problem.f, seed))
+    asked = sum(len(batch.x) for batch, _ in steps)
+    assert asked == algorithm.estimate(steps[-1][1]).rollouts <= budget

@@ -29,7 +29,7 @@ from service.world.scenario.load import load_scenario, parse_scenario, read_toml
 from sumo_nets.corridor import read_corridor
 from sumo_nets.errors import NetworkError
 from tests.fuzz.payloads import changed, damaged, json_of, text
-from tests.fuzz.target import Target
+from tests.fuzz.target import Target, ending
 from tests.sumo_nets.conftest import net_text
 
 I80 = tomllib.loads((loading.FOLDER / "i80-paper-10s.toml").read_text(encoding="utf-8"))
@@ -82,27 +82,23 @@ class FileTargets:
         )  # fmt: skip
 
     def _scenario(self, payload: bytes | dict) -> str:
-        try:
+        def read() -> None:
+            content: object = payload
             if isinstance(payload, bytes):
                 path = self._folder / "fuzzed.toml"
                 path.write_bytes(payload)
-                payload = read_toml(path, "fuzzed")
+                content = read_toml(path, "fuzzed")
             scenario = parse_scenario(
-                payload if isinstance(payload, dict) else {"x": payload}, "fuzzed", self._folder
+                content if isinstance(content, dict) else {"x": content}, "fuzzed", self._folder
             )
             check_road(scenario, "fuzzed")
-        except ScenarioError:
-            return "ScenarioError"
-        return "accepted"
+
+        return ending(read, ScenarioError)
 
     def _batch(self, payload: bytes) -> str:
         path = self._folder / "fuzzed-batch.toml"
         path.write_bytes(payload)
-        try:
-            list(cells(read_batch(path), self._folder))
-        except InputError as error:
-            return type(error).__name__
-        return "accepted"
+        return ending(lambda: list(cells(read_batch(path), self._folder)), InputError)
 
     def _run_json(self, payload: bytes) -> str:
         folder = self._copy()
@@ -123,16 +119,16 @@ class FileTargets:
         return self._opened(folder)
 
     def _opened(self, folder: Path) -> str:
-        try:
+        def read() -> None:
             with RunDirectory.open(folder) as run:
                 for job in run.jobs:
                     for _ in run.all_chunks(job.id):
                         pass
-        except (StoreError, InputError) as error:
-            return type(error).__name__
+
+        try:
+            return ending(read, StoreError, InputError)
         finally:
             shutil.rmtree(folder)
-        return "accepted"
 
     def _copy(self) -> Path:
         folder = self._folder / f"run-{next(self._names)}"
@@ -164,29 +160,18 @@ class FileTargets:
     def _recording(self, payload: bytes) -> str:
         path, out = self._folder / "fuzzed.txt", self._folder / "imported"
         path.write_bytes(payload)
-        try:
-            import_file(path, out)
-        except DataError:
-            return "DataError"
-        return "accepted"
+        return ending(lambda: import_file(path, out), DataError)
 
     def _weights_file(self, payload: bytes) -> str:
         path = self._folder / f"fuzzed-{next(self._names)}.safetensors"
         path.write_bytes(payload + self._weights[4000:])
         try:
-            load_drivers(path)
-        except WeightsError:
-            return "WeightsError"
+            return ending(lambda: load_drivers(path), WeightsError)
         finally:
             path.unlink()
-        return "accepted"
 
     def _formula(self, payload: str) -> str:
-        try:
-            FormulaMonitor(payload, self._scenario_10s)
-        except InputError as error:
-            return type(error).__name__
-        return "accepted"
+        return ending(lambda: FormulaMonitor(payload, self._scenario_10s), InputError)
 
     def _remembered(self) -> bytes:
         memory = Memory(self._job, self._folder)
@@ -205,34 +190,22 @@ class FileTargets:
     def _road(self, payload: bytes) -> str:
         path = self._folder / "fuzzed.net.xml"
         path.write_bytes(payload)
-        try:
-            read_corridor(path, ("west", "east"))
-        except NetworkError:
-            return "NetworkError"
-        return "accepted"
+        return ending(lambda: read_corridor(path, ("west", "east")), NetworkError)
 
     def _table(self, payload: bytes) -> str:
         path = self._folder / "fuzzed.parquet"
         path.write_bytes(payload)
-        try:
-            is_table(path)
-            read_tables(path)
-        except DataError:
-            return "DataError"
-        return "accepted"
+        return ending(lambda: (is_table(path), read_tables(path)), DataError)
 
     def _card(self, payload: bytes) -> str:
         path = self._folder / f"drivers-{next(self._names)}.safetensors"
         path.hardlink_to(self._drivers)
         path.with_suffix(".json").write_bytes(payload)
         try:
-            load_drivers(path)
-        except WeightsError:
-            return "WeightsError"
+            return ending(lambda: load_drivers(path), WeightsError)
         finally:
             path.unlink()
             path.with_suffix(".json").unlink()
-        return "accepted"
 
 
 def _text(payload: bytes) -> str:

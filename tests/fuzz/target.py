@@ -17,3 +17,12 @@ class Target:
     payloads: st.SearchStrategy[Any]
     run: Callable[[Any], str]
     share: float
+
+
+def ending(read: Callable[[], object], *refusals: type[Exception]) -> str:
+    """How it ended to read something: accepted, or refused, then with the refusal's name. All else is raised."""
+    try:
+        read()
+    except refusals as error:
+        return type(error).__name__
+    return "accepted"

@@ -34,19 +34,21 @@ def _sincos_all(x):
     return out
 
 
-@njit
-def _exp_all(x):
-    return np.array([exactmath.exp(v) for v in x])
+def _all_of(function):
+    """A kernel of one number, for arrays."""
+
+    @njit
+    def every(x):
+        return np.array([function(v) for v in x])
+
+    return every
 
 
-@njit
-def _log_all(x):
-    return np.array([exactmath.log(v) for v in x])
-
-
-@njit
-def _quantile_all(p):
-    return np.array([exactmath.normal_quantile(v) for v in p])
+_exp_all = _all_of(exactmath.exp)
+_log_all = _all_of(exactmath.log)
+_quantile_all = _all_of(exactmath.normal_quantile)
+_tail_all = _all_of(exactmath.normal_tail)
+_arcsine_all = _all_of(exactmath.arcsine)
 
 
 def uniform(low: float, high: float, seed: int = 1) -> np.ndarray:
@@ -225,16 +227,6 @@ def test_the_search_in_the_machine_code_finds_what_it_looks_for(machine_code):
 def _processor_flags() -> set[str]:
     path = Path("/proc/cpuinfo")
     return set(path.read_text(encoding="utf-8").split()) if path.is_file() else set()
-
-
-@njit
-def _tail_all(z):
-    return np.array([exactmath.normal_tail(v) for v in z])
-
-
-@njit
-def _arcsine_all(y):
-    return np.array([exactmath.arcsine(v) for v in y])
 
 
 def test_the_normal_tail_is_right_to_a_few_in_ten_million():

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from policies.columns import Values
 from policies.data.scenes import Scene, straight_lanes
 from policies.realism.driven import driven_scene, window_of
 from policies.realism.lane_changes import crossings, gap, lane_changes
-from policies.realism.measures import QUANTITIES, Values, counts, errors, quantities, resmoothed, touching
+from policies.realism.measures import QUANTITIES, counts, errors, quantities, resmoothed, touching
 from policies.realism.recorded import lane_change_facts
 from policies.realism.statistics import bins, distances, histogram, rate, root_mean_square, vehicle_bootstrap
 

@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 from scipy.special import psi
 
+from policies.columns import Values
 from policies.data import start_fit as F
 from policies.data import start_fit_report as R
 from policies.data.ngsim_import import import_file
@@ -20,7 +21,7 @@ from service.world.scenario import load_scenario
 
 def sample(alpha=3.0, beta=5.0, low=-2.0, high=6.0, n=20_000, vehicles=200, seed=1):
     rng = np.random.default_rng(seed)
-    return F.Sample(low + (high - low) * rng.beta(alpha, beta, n), np.arange(n) % vehicles)
+    return Values(low + (high - low) * rng.beta(alpha, beta, n), np.arange(n) % vehicles)
 
 
 def test_the_likelihood_is_solved_exactly():
@@ -49,7 +50,7 @@ def test_the_interval_s_ends_are_quantiles_with_a_margin_within_bounds():
 
 def test_the_bootstrap_draws_vehicles_not_rows():
     independent, alike = sample(n=2000, vehicles=2000), sample(n=2000, vehicles=2000)
-    alike = F.Sample(np.repeat(alike.x[:20], 100), np.repeat(np.arange(20), 100))
+    alike = Values(np.repeat(alike.x[:20], 100), np.repeat(np.arange(20), 100))
     widths = [np.ptp(F.fit_beta(s, (-2.0, 6.0), resamples=100).alpha_interval) for s in (independent, alike)]
     assert widths[1] > 3.0 * widths[0]
 
@@ -57,9 +58,9 @@ def test_the_bootstrap_draws_vehicles_not_rows():
 @pytest.mark.parametrize(
     "wrong",
     [
-        F.Sample(np.zeros(0), np.zeros(0)),
-        F.Sample(np.ones(9), np.arange(9)),
-        F.Sample(np.arange(9.0), np.zeros(9)),
+        Values(np.zeros(0), np.zeros(0)),
+        Values(np.ones(9), np.arange(9)),
+        Values(np.arange(9.0), np.zeros(9)),
     ],
 )
 def test_a_sample_without_spread_is_refused(wrong):

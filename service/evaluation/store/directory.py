@@ -16,6 +16,7 @@ from pathlib import Path
 
 import msgspec
 
+from service.closing import Closing
 from service.errors import StoreError
 from service.evaluation.job import Job
 from service.evaluation.store.chunk import HERE, Chunk
@@ -33,7 +34,7 @@ class _Run(msgspec.Struct, frozen=True):
     jobs: tuple[Job, ...]
 
 
-class RunDirectory:
+class RunDirectory(Closing):
     """An open run directory; one process at a time writes to it."""
 
     def __init__(self, path: Path, jobs: tuple[Job, ...], new: bool = False):
@@ -105,12 +106,6 @@ class RunDirectory:
 
     def close(self) -> None:
         self._engine.dispose()
-
-    def __enter__(self) -> "RunDirectory":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def job(self, job_id: str) -> Job:
         for job in self.jobs:

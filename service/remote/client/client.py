@@ -8,6 +8,7 @@ from urllib.parse import quote
 
 import msgspec
 
+from service.closing import Closing
 from service.remote.api import objects as O
 from service.remote.api.requests import Submission
 from service.remote.client.errors import NoAnswer, Refused
@@ -29,7 +30,7 @@ LOOK_S = 5.0  # between two looks at the record while no event comes
 T = TypeVar("T")
 
 
-class Client:
+class Client(Closing):
     """A client of the service at one of the endpoints; a context manager.
 
     timeout_s: for an answer
@@ -49,12 +50,6 @@ class Client:
         self._line = Line([connect] if isinstance(connect, str) else list(connect), zenoh_config, timeout_s)
         self._patience_s = patience_s
         self._met = False  # whether anybody has answered yet
-
-    def __enter__(self) -> "Client":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         self._line.close()

@@ -12,6 +12,7 @@ from service.analysis.comparison.objects import Comparison
 from service.analysis.estimated import Estimated
 from service.analysis.failures.objects import Failure, Failures
 from service.analysis.notebook import comparison_html, estimates_html
+from service.closing import Closing
 from service.errors import InputError, StoreError
 from service.remote.client.client import DEFAULT_ENDPOINT, Client
 
@@ -27,7 +28,7 @@ class RemoteProgress:
     total: int
 
 
-class Service:
+class Service(Closing):
     """A service at one of the endpoints; use as a context manager, or close it.
 
     client: its whole API (service.remote.client.Client).
@@ -40,12 +41,6 @@ class Service:
         timeout_s: float = 20.0,
     ):
         self.client = Client(connect, zenoh_config, timeout_s)
-
-    def __enter__(self) -> "Service":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         self.client.close()

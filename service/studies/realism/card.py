@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from policies.columns import Values
 from policies.data.recordings import Recordings, load_recordings
 from policies.data.scenes import DataError, Scene, summary
 from policies.drivers import DriverModel, load_drivers
 from policies.realism import published
 from policies.realism.lane_changes import lane_changes
-from policies.realism.measures import QUANTITIES, Values, quantities
+from policies.realism.measures import QUANTITIES, quantities
 from policies.realism.recorded import lane_change_facts
 from policies.realism.statistics import bins, distances, histogram, rounded
 from service.studies.realism import models, stream
@@ -29,7 +30,6 @@ from service.studies.realism.evaluate import (
     Window,
     evaluate,
     horizons,
-    joined,
     longest,
     recorded,
     shares,
@@ -122,7 +122,7 @@ def _site(
 ) -> dict[str, Any]:  # fmt: skip
     rng = np.random.default_rng(seed)
     people = recorded(scenes, found, seconds)
-    data = {name: joined(parts) for name, parts in people.quantity.items()}
+    data = {name: Values.joined(parts) for name, parts in people.quantity.items()}
     edges = {name: bins(values) for name, values in data.items()}
     shapes: dict[str, dict[str, list[float]]] = {
         name: {"people": _shape(data[name], edges[name])} for name in data
@@ -167,7 +167,7 @@ def _people(people: Measured, scenes: list[Scene], data: dict[str, Values], rng:
             if len(v.x)
         },
         "distances_of_training_vehicles": {
-            name: distances(data[name], joined(parts), rng) for name, parts in others.items()
+            name: distances(data[name], Values.joined(parts), rng) for name, parts in others.items()
         },
     }
 

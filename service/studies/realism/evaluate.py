@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from policies.columns import Values
 from policies.data.scenes import EDGE_FRAMES, Scene
 from policies.realism.driven import Driven, window_of
-from policies.realism.measures import QUANTITIES, Counts, Values, counts, errors, quantities, resmoothed
+from policies.realism.measures import QUANTITIES, Counts, counts, errors, quantities, resmoothed
 from policies.realism.statistics import distances, rate, root_mean_square, rounded
 
 HORIZONS_S = (1.0, 2.0, 5.0, 8.0, 10.0, 15.0, 20.0)
@@ -91,17 +92,13 @@ class Measured:
             "errors": by_horizon,
             **shares(self.count, vehicle, rng),
             "distances": {
-                name: distances(data[name], joined(self.quantity[name]), rng) for name in QUANTITIES
+                name: distances(data[name], Values.joined(self.quantity[name]), rng) for name in QUANTITIES
             },
         }
 
 
 def empty() -> Measured:
     return Measured([], [], [], {name: [] for name in QUANTITIES})
-
-
-def joined(parts: list[Values]) -> Values:
-    return Values(np.concatenate([p.x for p in parts]), np.concatenate([p.vehicle for p in parts]))
 
 
 def shares(rows: list[Counts], vehicle: np.ndarray, rng: np.random.Generator) -> dict:
@@ -174,4 +171,4 @@ def evaluate(
     facts = measured.facts(data, horizons(seconds), rng)
     mean = np.mean([np.abs(e[:, 0]).mean() for e in measured.error])
     facts["mean_position_error_over_horizons_m"] = rounded(float(mean))
-    return facts, {name: joined(parts) for name, parts in measured.quantity.items()}
+    return facts, {name: Values.joined(parts) for name, parts in measured.quantity.items()}

@@ -6,6 +6,7 @@ from typing import Protocol
 
 import zenoh
 
+from service.closing import Closing
 from service.world.egos import ego_pb2 as pb
 from service.world.egos.link import SERVICES
 from service.world.egos.settings import DEFAULT_ADDRESS
@@ -23,7 +24,7 @@ class Answers(Protocol):
         """The reply to each request; None where none is due."""
 
 
-class Listening:
+class Listening(Closing):
     """A service on the network; use as a context manager.
 
     listen: an address that workers connect to, loopback by default
@@ -44,12 +45,6 @@ class Listening:
         self._session = zenoh.open(_config(listen, connect, config))
         self._queries = self._session.declare_queryable(self._key, zenoh.handlers.FifoChannel(WAITING))
         self._life = self._session.liveliness().declare_token(self._key)
-
-    def __enter__(self) -> "Listening":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Leave the network; `run` returns."""

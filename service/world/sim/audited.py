@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from service.closing import Closing
 from service.errors import SimulationError
 from service.world.sim.rollout import Rollout, Simulator
 from service.world.sim.without_sumo import WithoutSumo
@@ -9,7 +10,7 @@ from service.world.sim.without_sumo import WithoutSumo
 EVERY = 100  # one rollout of so many, chosen by its noise seed, is run in SUMO too
 
 
-class Audited:
+class Audited(Closing):
     """Runs rollouts without SUMO, and one of EVERY in both worlds; use as a context manager.
 
     Which ones depends on their noise seeds alone, so that a run that is repeated audits the same.
@@ -18,12 +19,6 @@ class Audited:
     def __init__(self, alone: WithoutSumo, simulator: Simulator):
         self._alone, self._simulator = alone, simulator
         self.compared = 0
-
-    def __enter__(self) -> "Audited":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         self._simulator.close()

@@ -18,6 +18,7 @@ from policies.idm import idm_action
 from policies.jit import kernel
 from policies.layout import OUTPUTS
 from policies.network import forward, sample_action
+from service.closing import Closing
 from service.errors import InputError
 from service.world.safety.contact import contact_of
 from service.world.safety.impact import time_or_impact
@@ -122,7 +123,7 @@ def drive(
     return smallest, status, k
 
 
-class WithoutSumo:
+class WithoutSumo(Closing):
     """Runs rollouts of one scenario with a compiled ego; in place of `Simulator` where nobody looks on."""
 
     def __init__(self, scenario: Scenario, corridor: Corridor, drivers: DriverModel, ego: str):
@@ -157,12 +158,6 @@ class WithoutSumo:
     def _drivers_weights(self, drivers: DriverModel) -> tuple[np.ndarray, ...]:
         n = self._network
         return n.w1, n.b1, n.w2, n.b2, drivers.mu0.astype(np.float32), n.action_scale
-
-    def __enter__(self) -> "WithoutSumo":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Nothing is held."""

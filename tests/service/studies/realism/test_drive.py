@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from policies.baselines.idm_mobil import PARAMETERS
+from policies.columns import Values
 from policies.data import scenes as S
 from service.studies.realism import models
 from service.studies.realism.drive import CONSTANT, IDM_MOBIL, NETWORK, Model, drive_scene, road_for
-from service.studies.realism.evaluate import PROTOCOLS, evaluate, joined, longest, recorded, windows
+from service.studies.realism.evaluate import PROTOCOLS, evaluate, longest, recorded, windows
 from service.studies.realism.krauss import Krauss
 from service.training import world as W
 from service.world import agents as A
@@ -91,7 +92,7 @@ def test_every_protocol_measures_the_held_out_vehicles(scene):
     assert held
     assert all(scene.vehicle_id[v] >= scene.held_out_from for v in held)
     people = recorded([scene], found, seconds)
-    data = {name: joined(parts) for name, parts in people.quantity.items()}
+    data = {name: Values.joined(parts) for name, parts in people.quantity.items()}
     runner = models.idm_mobil(VALUES, [scene], 1)
     for protocol in PROTOCOLS:
         facts, values = evaluate(runner, [scene], found, seconds, protocol, 1, data, np.random.default_rng(1))
