@@ -10,12 +10,40 @@ from policies import layout as O
 from service.training import metrics
 from service.training.demonstrations import Rows
 from service.training.ensemble import HeadDistribution
+from service.training.expert import Expert
+from service.training.members import Members
 from service.training.network import ACTION_SCALE, network_features
-from service.training.run import People, ticks
+from service.training.run import People, Run, ticks
 from service.training.world import Network
 from service.world.sim.road import Road
 
 HORIZONS_S = (5.0, 10.0, 20.0)  # of the closed loop
+# limits that hold for all drivers learned from these recordings
+SEEN_IN_CONGESTION = (
+    "Recorded drivers were seen at a mean of 6 m/s (I-80) and 13 m/s (US-101), in congestion. On the almost empty "
+    "road of the i80 scenario most of what a driver does comes from the fitted expert's labels, not from recordings."
+)
+ESTIMATED_SIZES = "Vehicle sizes on I-80 are estimates; widths are assumed."
+
+
+def origin(
+    run: Run[Any],
+    name: str,
+    method: str,
+    people: People,
+    aggregated: Rows,
+    expert: Expert,
+    members: Members,
+) -> dict[str, Any]:
+    """The entries of the card that say what the drivers are, how they were learned and what from."""
+    return {
+        "name": name,
+        "what": "distribution of human drivers: network 51-200-100-4, last layer N(mu0, Sigma0)",
+        "method": method,
+        **run.repeated_by(),
+        "data": people.card(run.arguments.shares(), aggregated),
+        "expert": {**expert.as_dict(), "resampled": members.experts},
+    }
 
 
 def measure(

@@ -13,6 +13,7 @@ weights; metrics.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from rich.progress import Progress
@@ -22,7 +23,7 @@ from policies.drivers import save_drivers
 from service.training.cloning import DriverArguments, train_trunk
 from service.training.demonstrations import Rows
 from service.training.device import described
-from service.training.driver_figures import measure, xi_effects
+from service.training.driver_figures import ESTIMATED_SIZES, SEEN_IN_CONGESTION, measure, origin, xi_effects
 from service.training.ensemble import describe, head_distribution
 from service.training.expert import fit
 from service.training.members import Members, train_members
@@ -75,26 +76,26 @@ def main() -> None:
             ),
         )
         network = exported(net, aggregated.seen)
-        members = stages.get(
-            "members",
-            Members,
-            lambda: train_members(
-                arguments, network, people, aggregated, expert, expert_rng, member_rng, progress
-            ),
+        resampled = partial(
+            train_members, arguments, network, people, aggregated, expert, expert_rng, member_rng, progress
         )
+        members = stages.get("members", Members, resampled)
         distribution, scores = head_distribution(members.heads, members.shapes)
         draw = drawn_from(network, distribution.mean, distribution.covariance)
         centre = network._replace(head=distribution.mean.astype(np.float32))
         measured = measure(arguments.check_rollouts, draw, centre, road, people, xi_rng, check_rng, progress)
 
     card = {
-        "name": "drivers-bc",
-        "what": "distribution of human drivers: network 51-200-100-4, last layer N(mu0, Sigma0)",
-        "method": "behaviour cloning (Gaussian likelihood), noise injection, data set aggregation with a fitted "
-        "expert; last layer retrained on resampled drivers",
-        **run.repeated_by(),
-        "data": people.card(arguments.shares(), aggregated),
-        "expert": {**expert.as_dict(), "resampled": members.experts},
+        **origin(
+            run,
+            "drivers-bc",
+            "behaviour cloning (Gaussian likelihood), noise injection, data set aggregation with a fitted "
+            "expert; last layer retrained on resampled drivers",
+            people,
+            aggregated,
+            expert,
+            members,
+        ),
         "action_scale": ACTION_SCALE.tolist(),
         "sigma0": {
             **describe(distribution),
@@ -116,9 +117,8 @@ def main() -> None:
 
 
 LIMITS = [
-    "Recorded drivers were seen at a mean of 6 m/s (I-80) and 13 m/s (US-101), in congestion. On the almost empty "
-    "road of the i80 scenario most of what a driver does comes from the fitted expert's labels, not from recordings.",
-    "Vehicle sizes on I-80 are estimates; widths are assumed.",
+    SEEN_IN_CONGESTION,
+    ESTIMATED_SIZES,
     "Action noise is white at 10 Hz. Recorded turn rates are correlated over about a second; their noise was replaced "
     "by the white noise that gives the same spread across the lane, so open-loop likelihoods suffer.",
     "The resampled heads include resampled experts. They know nothing of kinds of drivers that 15 minutes on two roads "

@@ -13,6 +13,7 @@ the distribution of its weights; metrics.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from service.training.adversary import GailSettings, Sampled, train_adversariall
 from service.training.cloning import DriverArguments, Visits, mixture, train_trunk
 from service.training.demonstrations import Rows
 from service.training.device import described
-from service.training.driver_figures import measure, xi_effects
+from service.training.driver_figures import ESTIMATED_SIZES, SEEN_IN_CONGESTION, measure, origin, xi_effects
 from service.training.ensemble import describe
 from service.training.expert import Expert, fit, noise_sd
 from service.training.head_spread import Spread, spreads
@@ -81,13 +82,10 @@ def main() -> None:
             lambda: against(arguments, cloned, people, aggregated, expert, stages, progress, device),
         )
         network = exported(net, aggregated.seen)
-        members = stages.get(
-            "members",
-            Members,
-            lambda: train_members(
-                arguments, network, people, aggregated, expert, expert_rng, member_rng, progress
-            ),
+        resampled = partial(
+            train_members, arguments, network, people, aggregated, expert, expert_rng, member_rng, progress
         )
+        members = stages.get("members", Members, resampled)
         # what a resample changes in the last layer, around the adversarially trained one
         heads = network.head.astype(np.float64) + (members.heads - members.common)
         estimates = stages.get("spread", dict[str, Spread], lambda: spreads(heads, members.shapes))
@@ -108,13 +106,16 @@ def main() -> None:
         )
 
     card = {
-        "name": "drivers-gail",
-        "what": "distribution of human drivers: network 51-200-100-4, last layer N(mu0, Sigma0)",
-        "method": "model-based generative adversarial imitation through a differentiable world, from a network cloned "
-        "from recordings and a fitted expert with lane changes (aggregation); last layer retrained on resamples",
-        **run.repeated_by(),
-        "data": people.card(arguments.shares(), aggregated),
-        "expert": {**expert.as_dict(), "resampled": members.experts},
+        **origin(
+            run,
+            "drivers-gail",
+            "model-based generative adversarial imitation through a differentiable world, from a network cloned "
+            "from recordings and a fitted expert with lane changes (aggregation); last layer retrained on resamples",
+            people,
+            aggregated,
+            expert,
+            members,
+        ),
         "learning_curve": thinned(curve),
         "action_scale": ACTION_SCALE.tolist(),
         "sigma0": {
@@ -136,11 +137,10 @@ def main() -> None:
 
 
 LIMITS = [
-    "Recorded drivers were seen at a mean of 6 m/s (I-80) and 13 m/s (US-101), in congestion. On the almost empty "
-    "road of the i80 scenario most of what a driver does comes from the fitted expert's labels, not from recordings.",
+    SEEN_IN_CONGESTION,
     "A driver has no memory: a lane change starts when noise or the start's heading carries it over a threshold, and "
     "may be broken off. Why people change lanes (exits, ramps) is not modelled; left and right are alike.",
-    "Vehicle sizes on I-80 are estimates; widths are assumed.",
+    ESTIMATED_SIZES,
     "Action noise is white at 10 Hz. Recorded turn rates are correlated over about a second; their noise was replaced "
     "by white noise of a spread that gives the recorded lane keeping and rate of lane changes.",
     "Sigma0 says how uncertain this fit is, not how different people are.",
