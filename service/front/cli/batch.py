@@ -13,7 +13,7 @@ from rich.table import Table
 
 from service.evaluation.cores import core_count
 from service.front.cli.main import INTERRUPTED
-from service.front.cli.options import finite, json_option, workers_option
+from service.front.cli.options import finite, json_option, workers_option, zenoh_config_option
 from service.front.cli.progress import progress_bar, stderr
 from service.front.cli.tables import whole
 from service.front.matrix.plan import Batch, Cell, cells, read_batch
@@ -30,8 +30,7 @@ COLOURS = {"below": "green", "above": "red", "not-below": "red", "inconclusive":
               "results.csv.  [default: batch-NAME]")  # fmt: skip
 @click.option("--connect", multiple=True, help="Have the service at this Zenoh endpoint run it; once for each.  "
               "[default: run it here]")  # fmt: skip
-@click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
-              help="Zenoh configuration file, for TLS and passwords.")  # fmt: skip
+@zenoh_config_option()
 @workers_option()
 @json_option()
 def command(

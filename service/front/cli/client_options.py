@@ -7,6 +7,7 @@ from typing import Any
 import click
 import msgspec
 
+from service.front.cli.options import zenoh_config_option
 from service.remote.client import DEFAULT_ENDPOINT, Client
 
 
@@ -15,8 +16,7 @@ def client_options() -> Callable:
     options = [
         click.option("--connect", multiple=True, default=(DEFAULT_ENDPOINT,), show_default=True,
                      help="Zenoh endpoint of the service or a router; once for each."),
-        click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
-                     help="Zenoh configuration file, for TLS and passwords."),
+        zenoh_config_option(),
         click.option("--timeout", type=click.FloatRange(0.1, 3600), default=20.0, show_default=True,
                      help="Seconds to wait for an answer."),
     ]  # fmt: skip

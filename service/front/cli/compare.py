@@ -1,6 +1,7 @@
 """`tailroad compare`: egos on the same draws, or runs."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 import msgspec
@@ -40,15 +41,10 @@ from service.front.cli.tables import whole
 def command(
     what: tuple[str, ...],
     ego: tuple[str, ...],
-    gamma: float | None,
-    method: str | None,
-    budget: int,
-    seed: int,
-    examine: int,
-    out: Path | None,
     html: Path | None,
     workers: int | None,
     as_json: bool,
+    **asked: Any,
 ) -> None:
     """Compare egos on SCENARIO (--ego A --ego B ...), run on the same draws, or finished runs.
 
@@ -63,15 +59,10 @@ def command(
             compared = compare(
                 [Path(name) for name in what] if runs else what[0],
                 ego,
-                gamma=gamma,
-                method=method,
-                budget=budget,
-                seed=seed,
-                examine=examine,
-                out=out,
                 workers=count,
                 progress=Shown(bar, count, lambda told: told.job.ego),
                 watch=lambda done, total: bar.update(task, completed=done, total=total, visible=True),
+                **asked,
             )
         except Interrupted as stopped:
             stderr.print(

@@ -5,6 +5,7 @@ from typing import Any
 
 import click
 
+from service.front.cli.options import zenoh_config_option
 from service.remote.client import DEFAULT_ENDPOINT
 
 DEFAULT_ADDRESS = "127.0.0.1:7448"
@@ -42,8 +43,7 @@ def _checked(ctx: click.Context, param: click.Parameter, value: str) -> Any:
 @click.option(
     "--read-only", is_flag=True, help="Show all and change nothing: no submitting, cancelling, pausing."
 )
-@click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
-              help="Zenoh configuration file, for TLS and passwords.")  # fmt: skip
+@zenoh_config_option()
 @click.option("--timeout", type=click.FloatRange(0.1, 3600), default=20.0, show_default=True,
               help="Seconds to wait for an answer of the service.")  # fmt: skip
 @click.option("--parent", type=int, hidden=True, help="End when the process of this id ends.")

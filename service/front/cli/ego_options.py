@@ -33,30 +33,12 @@ def ego_option(default: str = "lidar", multiple: bool = False) -> Callable:
             "car-following models (sumo:Krauss), zenoh:NAME for a service on the network, or MODULE:CLASS for a class "
             "of your own.",
         ),
-        click.option(
-            "--ego-address",
-            expose_value=False,
-            is_eager=True,
-            callback=_keep("address"),
-            help="Where zenoh:NAME is: the service itself or a Zenoh router.  [default: tcp/127.0.0.1:7447]",
-        ),
-        click.option(
-            "--ego-deadline",
-            type=float,
-            expose_value=False,
-            is_eager=True,
-            callback=_keep("deadline_s"),
-            help="Seconds that zenoh:NAME may take for an answer.  [default: 1]",
-        ),
-        click.option(
-            "--ego-patience",
-            type=float,
-            expose_value=False,
-            is_eager=True,
-            callback=_keep("patience_s"),
-            help="Seconds to wait for zenoh:NAME where it is not there.  [default: 10]",
-        ),
-    ]
+        _kept("--ego-address", str, "address", "Where zenoh:NAME is: the service itself or a Zenoh router.  "
+              "[default: tcp/127.0.0.1:7447]"),
+        _kept("--ego-deadline", float, "deadline_s", "Seconds that zenoh:NAME may take for an answer.  [default: 1]"),
+        _kept("--ego-patience", float, "patience_s", "Seconds to wait for zenoh:NAME where it is not there.  "
+              "[default: 10]"),
+    ]  # fmt: skip
 
     def decorate(command: Callable) -> Callable:
         for option in reversed(options):
@@ -66,12 +48,14 @@ def ego_option(default: str = "lidar", multiple: bool = False) -> Callable:
     return decorate
 
 
-def _keep(field: str) -> Callable:
-    def callback(ctx: click.Context, param: click.Parameter, value: Any) -> None:
+def _kept(name: str, kind: type, field: str, says: str) -> Callable:
+    """An option that is kept in the environment, as that field of EgoSettings, and not given to the command."""
+
+    def keep(ctx: click.Context, param: click.Parameter, value: Any) -> None:
         if value is not None:
             os.environ.update(replace(EgoSettings.from_environment(), **{field: value}).as_environment())
 
-    return callback
+    return click.option(name, type=kind, expose_value=False, is_eager=True, callback=keep, help=says)
 
 
 def _permit_each(ctx: click.Context, param: click.Parameter, egos: tuple[str, ...]) -> tuple[str, ...]:

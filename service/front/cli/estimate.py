@@ -25,15 +25,23 @@ from service.front.cli.options import (
     noise_mode_option,
     option_of,
     option_option,
+    precision_options,
     seed_option,
     workers_option,
 )
 from service.front.cli.progress import Shown, progress_bar, stderr
 from service.front.cli.tables import whole
 from service.world.scenario.measures import IMPACT
-from service.world.scenario.noise_mode import NoiseMode
 
 NOT_PRECISE = 3
+CE_FLAGS = (
+    "iterations",
+    "samples_per_iteration",
+    "rho",
+    "step",
+    "mean_box",
+    "max_kl",
+)  # go among the options
 
 
 @click.command()
@@ -51,11 +59,7 @@ NOT_PRECISE = 3
               "several are compared.  [default: auto]")  # fmt: skip
 @click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True,
               help="Rollouts of each method at most, training included.")  # fmt: skip
-@click.option("--rel-error", type=click.FloatRange(0, min_open=True), callback=finite,
-              help="Stop when the interval's relative half-width is this small.")  # fmt: skip
-@click.option(
-    "--confidence", type=click.FloatRange(0, 1, min_open=True, max_open=True), default=0.95, show_default=True
-)
+@precision_options()
 @option_option()
 @click.option("--iterations", type=click.IntRange(1), help="ce: K.")
 @click.option("--samples-per-iteration", type=click.IntRange(10), help="ce: N_k.")
@@ -85,21 +89,15 @@ def command(
     scenario: str | None,
     ego: str,
     gamma: float | None,
-    measure: str | None,
-    noise_mode: NoiseMode | None,
     methods: tuple[str, ...],
-    budget: int,
-    rel_error: float | None,
-    confidence: float,
     options: tuple[str, ...],
     workers: int | None,
-    seed: int,
     out: Path | None,
     resume: Path | None,
     max_failed: float,
     with_report: bool,
     as_json: bool,
-    **flags: Any,
+    **asked: Any,
 ) -> None:
     """Estimate p = P0(f(X) <= gamma) of SCENARIO (default: i80-10s) for an ego policy.
 
@@ -122,23 +120,19 @@ def command(
                         "give the event's threshold in the measure's unit, as in --gamma 0.5 (seconds to collision), "
                         f"or --gamma 0 with the measure {IMPACT} (a contact)"
                     )
+                flags = {name: asked.pop(name) for name in CE_FLAGS}
                 run = estimate(
                     scenario or "i80-10s",
                     ego,
                     gamma=gamma,
                     method=methods or METHOD,
-                    budget=budget,
-                    rel_error=rel_error,
-                    confidence=confidence,
-                    seed=seed,
-                    measure=measure,
-                    noise_mode=noise_mode,
                     options={k: v for k, v in flags.items() if v is not None} | dict(map(option_of, options)),
                     out=out,
                     workers=count,
                     progress=tell,
                     max_failed=max_failed,
                     new=True,
+                    **asked,
                 )
         except Interrupted as stopped:
             stderr.print(

@@ -110,6 +110,27 @@ def workers_option() -> Callable:
     )
 
 
+def zenoh_config_option(says: str = "Zenoh configuration file, for TLS and passwords.") -> Callable:
+    return click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False), help=says)
+
+
+def precision_options() -> Callable[[Callable], Callable]:
+    """`--rel-error` and `--confidence`: how sure an estimate shall be."""
+    rel_error = click.option(
+        "--rel-error",
+        type=click.FloatRange(0, min_open=True),
+        callback=finite,
+        help="Stop when the interval's relative half-width is this small.",
+    )
+    confidence = click.option(
+        "--confidence",
+        type=click.FloatRange(0, 1, min_open=True, max_open=True),
+        default=0.95,
+        show_default=True,
+    )
+    return lambda command: rel_error(confidence(command))
+
+
 def require_folder(path: Any, what: str) -> None:
     """InputError when the folder that `path` shall be written to does not exist."""
     if path is not None and not path.resolve().parent.is_dir():

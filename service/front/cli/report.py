@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from service.evaluation.cores import core_count
-from service.front.cli.options import workers_option
+from service.front.cli.options import workers_option, zenoh_config_option
 
 
 @click.command()
@@ -17,8 +17,7 @@ from service.front.cli.options import workers_option
 @click.option("--baseline-source", help="Where a number given as --baseline is from.")
 @click.option("--connect", multiple=True, help="RUN is a job of the service at this Zenoh endpoint, as in "
               "tcp/127.0.0.1:7447; once for each endpoint.")  # fmt: skip
-@click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
-              help="With --connect: Zenoh configuration file, for TLS and passwords.")  # fmt: skip
+@zenoh_config_option("With --connect: Zenoh configuration file, for TLS and passwords.")
 @workers_option()
 def command(
     run: str,

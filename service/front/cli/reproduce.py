@@ -10,7 +10,7 @@ from rich.progress import Progress, TaskID
 from service.errors import InputError
 from service.evaluation.cores import core_count
 from service.front.cli.main import INTERRUPTED
-from service.front.cli.options import seed_option, workers_option
+from service.front.cli.options import seed_option, workers_option, zenoh_config_option
 from service.front.cli.progress import progress_bar, stderr
 from service.studies.reproduce.black_box import black_box
 from service.studies.reproduce.local import Watch, carry_out
@@ -41,8 +41,7 @@ REPORT_EVERY_S = 60.0  # where standard error is no terminal
               "several times faster; one rollout in a hundred is run in both and compared bit for bit.")  # fmt: skip
 @click.option("--connect", multiple=True, help="Run on the fleet at this Zenoh endpoint (all of it in SUMO) instead of "
               "local workers; once for each. For experiments that are runs alone.")  # fmt: skip
-@click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
-              help="Zenoh configuration file, for TLS and passwords.")  # fmt: skip
+@zenoh_config_option()
 @workers_option()
 @seed_option()
 def command(

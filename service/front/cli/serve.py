@@ -11,6 +11,7 @@ import click
 from service.evaluation.cores import core_count
 from service.front.cli.api_options import ApiSettings, api_options, metrics_of
 from service.front.cli.dashboard import DEFAULT_ADDRESS, OFF, address_or_off
+from service.front.cli.options import zenoh_config_option
 
 if TYPE_CHECKING:
     from service.remote.fleet.supervised import SupervisedProcess
@@ -38,8 +39,7 @@ LOOPBACK = ("/127.", "/localhost:", "/[::1]")
               help="Where browsers find the dashboard.  "
               f"[default: {DEFAULT_ADDRESS}; with --zenoh-config off: whoever reaches it acts with a client's "
               "keys]")  # fmt: skip
-@click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
-              help="Zenoh configuration file, for TLS, passwords and access control.")  # fmt: skip
+@zenoh_config_option("Zenoh configuration file, for TLS, passwords and access control.")
 @click.option("--worker-config", type=click.Path(exists=True, dir_okay=False),
               help="With --zenoh-config: the configuration of the local workers.  [default: worker.json5 beside it; "
               "where there is none, no local workers]")  # fmt: skip

@@ -12,6 +12,7 @@ from service.front.cli.options import (
     noise_mode_option,
     option_of,
     option_option,
+    precision_options,
     seed_option,
 )
 from service.remote.client import Client
@@ -37,11 +38,7 @@ METHODS = ("auto", "naive", "ce", "mixture", "splitting")
 @click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True)
 @click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True,
               help="Rollouts at most, training included.")  # fmt: skip
-@click.option("--rel-error", type=click.FloatRange(0, min_open=True), callback=finite,
-              help="Stop when the interval's relative half-width is this small.")  # fmt: skip
-@click.option(
-    "--confidence", type=click.FloatRange(0, 1, min_open=True, max_open=True), default=0.95, show_default=True
-)
+@precision_options()
 @option_option()
 @seed_option()
 @click.option("--priority", type=click.IntRange(-100, 100), default=0, show_default=True,

@@ -10,6 +10,7 @@ from contextlib import suppress
 import click
 
 from service.evaluation.parent import end_with_parent
+from service.front.cli.options import zenoh_config_option
 
 NAME_LETTERS = set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_")
 DRAIN_HINT = "finishing what is being run; once more to stop at once"
@@ -22,8 +23,7 @@ DRAIN_HINT = "finishing what is being run; once more to stop at once"
     "--procs", type=click.IntRange(1, 1024), help="Rollouts at a time.  [default: one for each core]"
 )
 @click.option("--name", help="Unique among all workers.  [default: made of the host's name]")
-@click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False),
-              help="Zenoh configuration file, for TLS and passwords.")  # fmt: skip
+@zenoh_config_option()
 @click.option("--parent", type=int, hidden=True, help="End when the process of this id ends.")
 def command(
     connect: tuple[str, ...],
