@@ -50,5 +50,11 @@ class Estimated(msgspec.Struct, frozen=True, kw_only=True):
     measure: str = ""
     endings: tuple[Ending, ...] = ()
 
+    @property
+    def in_short(self) -> str:
+        """p with its interval, as a line of a console shows it."""
+        p = "not known" if self.p is None else f"{self.p:.3g}"
+        return f"p = {p}, {self.ci[0]:.3g} to {self.ci[1]:.3g}"
+
     def _repr_html_(self) -> str:
         return estimate_html(self)

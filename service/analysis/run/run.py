@@ -21,6 +21,7 @@ from service.analysis.failures.rerun import Rerunner
 from service.analysis.notebook import estimates_html
 from service.analysis.report import write_report
 from service.analysis.risk import Risk, risk_of
+from service.analysis.rollout_files import RolloutFiles
 from service.analysis.run.records import record_of, write_file
 from service.errors import InputError
 from service.evaluation.endings import endings_of
@@ -51,8 +52,7 @@ class Run:
 
     def __repr__(self) -> str:
         e = self.estimate
-        p = "not known" if e.p is None else f"{e.p:.3g}"
-        return f"<Run {self.path}: {len(self.jobs)} job(s); {e.job}: p = {p}, {e.ci[0]:.3g} to {e.ci[1]:.3g}>"
+        return f"<Run {self.path}: {len(self.jobs)} job(s); {e.job}: {e.in_short}>"
 
     def _repr_html_(self) -> str:
         return estimates_html(list(self.estimates.values()), str(self.path))
@@ -149,7 +149,7 @@ def estimated(job: Job, estimate: ce.Estimate, cost: Cost, endings: tuple[Ending
     return msgspec.convert(json_ready(summary_of(job, estimate, cost, endings)) | {"job": job.id}, Estimated)
 
 
-class Replay:
+class Replay(RolloutFiles):
     """A dangerous rollout once more, in every form that it can be looked at. Each method runs it again, in a process of
     its own, writes a file and gives back its path."""
 
@@ -172,22 +172,6 @@ class Replay:
     def f(self) -> float:
         """Its safety value, on record."""
         return float(self.events.f[self.position])
-
-    def video(self, path: str | Path) -> Path:
-        """A film from above and from the ego's camera (.mp4)."""
-        return self._write("mp4", path)
-
-    def recording(self, path: str | Path) -> Path:
-        """A recording for Foxglove and other viewers of robot logs (.mcap)."""
-        return self._write("mcap", path)
-
-    def scenario(self, path: str | Path) -> Path:
-        """A scenario file that holds this one rollout (.toml); `tailroad rollout FILE` runs it to the same bit."""
-        return self._write("scenario", path)
-
-    def fcd(self, path: str | Path) -> Path:
-        """SUMO's floating-car data (.xml)."""
-        return self._write("fcd", path)
 
     def trace(self, path: str | Path) -> Path:
         """Every vehicle at every step (.parquet)."""

@@ -79,6 +79,15 @@ def writing(engine: sa.Engine) -> Iterator[sa.Connection]:
         yield connection
 
 
+def read_rows(engine: sa.Engine, query: sa.Select) -> list[sa.Row]:
+    """All rows of a query; StoreError where they cannot be read."""
+    try:
+        with engine.connect() as connection:
+            return list(connection.execute(query))
+    except SQLAlchemyError as error:
+        raise StoreError(f"cannot read {shown(engine)}: {reason(error)}") from error
+
+
 def insert_once(engine: sa.Engine, table: sa.Table) -> postgresql.Insert | sqlite.Insert:
     """An insert that leaves a row that is there already as it is."""
     kind = postgresql if engine.dialect.name == "postgresql" else sqlite

@@ -14,7 +14,15 @@ from service.errors import StoreError
 from service.evaluation.job import Job
 from service.evaluation.store.chunk import Chunk, Origin, checksum_of, same_checksum
 from service.evaluation.store.claim import Claim
-from service.evaluation.store.database import LOCK_WAIT_S, insert_once, open_engine, reason, shown, writing
+from service.evaluation.store.database import (
+    LOCK_WAIT_S,
+    insert_once,
+    open_engine,
+    read_rows,
+    reason,
+    shown,
+    writing,
+)
 from service.evaluation.store.records import ChunkRecord
 from service.evaluation.store.states import StateRecord
 from service.evaluation.store.tables import (
@@ -317,11 +325,7 @@ class JobStore:
             raise StoreError(f"cannot {what} in {shown(self._engine)}: {reason(error)}") from error
 
     def _read(self, query: sa.Select) -> list[sa.Row]:
-        try:
-            with self._engine.connect() as connection:
-                return list(connection.execute(query))
-        except SQLAlchemyError as error:
-            raise StoreError(f"cannot read {shown(self._engine)}: {reason(error)}") from error
+        return read_rows(self._engine, query)
 
 
 def taken_up_again(worker: str) -> str:

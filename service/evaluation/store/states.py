@@ -12,7 +12,7 @@ import sqlalchemy as sa
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.errors import StoreError
-from service.evaluation.store.database import reason, shown, writing
+from service.evaluation.store.database import read_rows, reason, shown, writing
 from service.evaluation.store.tables import states
 
 
@@ -74,7 +74,7 @@ class StateRecord:
 
     def kept(self, job: str, epoch: int) -> KeptState | None:
         """The state that is kept of an epoch of the job, where there is one."""
-        for row in self._read(sa.select(states).where(self._of(job, epoch))):
+        for row in read_rows(self._engine, sa.select(states).where(self._of(job, epoch))):
             last = LastState(row.job, row.epoch, row.number, row.record, row.state)
             return KeptState(last, row.checksum == last.checksum())
         return None
@@ -84,14 +84,7 @@ class StateRecord:
         query = sa.select(states.c.job).where(
             states.c.checksum == "", states.c.tailroad == version("tailroad")
         )
-        return sorted({row.job for row in self._read(query)})
+        return sorted({row.job for row in read_rows(self._engine, query)})
 
     def _of(self, job: str, epoch: int) -> sa.ColumnElement[bool]:
         return sa.and_(states.c.job == job, states.c.epoch == epoch, states.c.tailroad == version("tailroad"))
-
-    def _read(self, query: sa.Select) -> list[sa.Row]:
-        try:
-            with self._engine.connect() as connection:
-                return list(connection.execute(query))
-        except SQLAlchemyError as error:
-            raise StoreError(f"cannot read {shown(self._engine)}: {reason(error)}") from error

@@ -12,6 +12,7 @@ from service.analysis.comparison.objects import Comparison
 from service.analysis.estimated import Estimated
 from service.analysis.failures.objects import Failure, Failures
 from service.analysis.notebook import comparison_html, estimates_html
+from service.analysis.rollout_files import RolloutFiles
 from service.closing import Closing
 from service.errors import InputError, StoreError
 from service.remote.client.client import DEFAULT_ENDPOINT, Client
@@ -110,9 +111,7 @@ class RemoteRun:
         self.client, self.job = client, job
 
     def __repr__(self) -> str:
-        e = self.estimate
-        p = "not known" if e.p is None else f"{e.p:.3g}"
-        return f"<RemoteRun {self.job}: p = {p}, {e.ci[0]:.3g} to {e.ci[1]:.3g}>"
+        return f"<RemoteRun {self.job}: {self.estimate.in_short}>"
 
     def _repr_html_(self) -> str:
         return estimates_html([self.estimate], self.job)
@@ -164,7 +163,7 @@ class RemoteRun:
         return page
 
 
-class RemoteReplay:
+class RemoteReplay(RolloutFiles):
     """A dangerous rollout of a service's job; each method has the service run it again, and writes a file."""
 
     def __init__(self, client: Client, job: str, failure: Failure):
@@ -174,22 +173,6 @@ class RemoteReplay:
     def f(self) -> float:
         """Its safety value, on record."""
         return self.failure.f
-
-    def video(self, path: str | Path) -> Path:
-        """A film from above and from the ego's camera (.mp4)."""
-        return self._write("mp4", path)
-
-    def recording(self, path: str | Path) -> Path:
-        """A recording for Foxglove and other viewers of robot logs (.mcap)."""
-        return self._write("mcap", path)
-
-    def scenario(self, path: str | Path) -> Path:
-        """A scenario file that holds this one rollout (.toml)."""
-        return self._write("scenario", path)
-
-    def fcd(self, path: str | Path) -> Path:
-        """SUMO's floating-car data (.xml)."""
-        return self._write("fcd", path)
 
     def _write(self, form: str, path: str | Path) -> Path:
         failure = self.failure

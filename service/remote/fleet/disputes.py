@@ -1,5 +1,6 @@
 """Chunks on which workers disagree, and what becomes of workers that are wrong."""
 
+from service.evaluation.store.jobs import AuditRow
 from service.remote.fleet import events as E
 from service.remote.fleet.job_lifecycle import JobLifecycle
 from service.remote.fleet.jobs import JobState, Phase
@@ -34,7 +35,9 @@ class Disputes:
             return
         if audit.counted in verdict.right:
             other = next(w for w in verdict.right if w != audit.counted)
-            self._state.do(E.Confirm(key.job, key.phase, key.iteration, key.start, audit.epoch, other))
+            self._state.do(
+                E.Confirm(AuditRow(key.job, key.phase, key.iteration, key.start, audit.epoch, other))
+            )
         for wrong in verdict.wrong:
             self.quarantine(
                 wrong,

@@ -6,6 +6,7 @@ A request is a number for somebody who waits for an answer; the hub knows who.
 from dataclasses import dataclass, field
 
 from service.evaluation.store import Chunk, Origin
+from service.evaluation.store.jobs import AuditRow
 from service.remote.fleet.batch_step import BatchStep, IterationRecord, Replay
 from service.remote.fleet.messages import Answer, Ask, Bye, Failed, Hello, Reply
 
@@ -208,14 +209,9 @@ class Note:
 
 @dataclass(frozen=True)
 class Confirm:
-    """A second worker ran the chunk to the same bits."""
+    """Record that a second worker ran a chunk to the same bits."""
 
-    job: str
-    phase: str
-    iteration: int
-    start: int
-    epoch: int
-    worker: str
+    audit: AuditRow
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import ce
 from service.errors import StoreError, TailroadError
 from service.evaluation.job import held_bytes
-from service.evaluation.store.jobs import OPEN, AuditRow, Event, JobRow, JobStore, taken_up_again
+from service.evaluation.store.jobs import OPEN, Event, JobRow, JobStore, taken_up_again
 from service.remote.fleet import events as E
 from service.remote.fleet.answers import chunk_of
 from service.remote.fleet.messages import (
@@ -339,10 +339,8 @@ class Hub:
             case E.Note() as note:
                 self.store.add_iterations(note.job, note.epoch, note.first, list(note.records))
                 self._written()
-            case E.Confirm() as one:
-                self.store.add_audits(
-                    [AuditRow(one.job, one.phase, one.iteration, one.start, one.epoch, one.worker)]
-                )
+            case E.Confirm(audit):
+                self.store.add_audits([audit])
                 self._written()
             case E.Quarantine() as wrong:
                 self._write_quarantine(wrong)

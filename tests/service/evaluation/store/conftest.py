@@ -13,6 +13,8 @@ import psutil
 import psycopg
 import pytest
 
+from service.evaluation.job import Job, make_job
+
 KINDS = ("sqlite", "postgresql")
 
 
@@ -43,3 +45,8 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     if request.param == "sqlite":
         return f"sqlite:///{tmp_path / 'jobs.sqlite'}"
     return request.getfixturevalue("postgres")()
+
+
+@pytest.fixture
+def job(make_scenario) -> Job:
+    return make_job(make_scenario(), "idm", 0.5, "naive", 1, {"budget": 100})

@@ -13,7 +13,6 @@ import sqlalchemy as sa
 
 import ce
 from service.errors import StoreError
-from service.evaluation.job import Job, make_job
 from service.evaluation.store import Chunk, Origin, RunDirectory
 from service.evaluation.store.jobs import JobStore
 from service.evaluation.store.tables import chunks, iterations
@@ -38,11 +37,6 @@ CHANGES = {
     "worker": "x",
     "checksum": "00",
 }
-
-
-@pytest.fixture
-def job(make_scenario) -> Job:
-    return make_job(make_scenario(), "idm", 0.5, "naive", 1, {"budget": 100})
 
 
 @pytest.fixture

@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 from service.errors import StoreError
-from service.evaluation.job import Job, make_job
 from service.evaluation.store import FAILED, Chunk, RunDirectory
-
-
-@pytest.fixture
-def job(make_scenario) -> Job:
-    return make_job(make_scenario(), "idm", 0.5, "naive", 1, {"budget": 100})
 
 
 @pytest.fixture

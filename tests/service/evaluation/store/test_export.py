@@ -4,18 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import polars as pl
-import pytest
 from click.testing import CliRunner
 
-from service.evaluation.job import Job, make_job
 from service.evaluation.store import Chunk, Origin, RunDirectory
 from service.evaluation.store.jobs import JobStore
 from service.front.cli import main
-
-
-@pytest.fixture
-def job(make_scenario) -> Job:
-    return make_job(make_scenario(), "idm", 0.5, "naive", 1, {"budget": 100})
 
 
 def chunk(start: int) -> Chunk:

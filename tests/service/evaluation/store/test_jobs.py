@@ -12,15 +12,9 @@ import sqlalchemy as sa
 
 import ce
 from service.errors import StoreError
-from service.evaluation.job import Job, make_job
 from service.evaluation.store import Chunk, Origin
 from service.evaluation.store.jobs import AuditRow, JobStore
 from service.evaluation.store.tables import jobs
-
-
-@pytest.fixture
-def job(make_scenario) -> Job:
-    return make_job(make_scenario(), "idm", 0.5, "naive", 1, {"budget": 100})
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 
 import ce
@@ -196,7 +197,7 @@ class World:
             known = self.record.batches.get((one.job, one.epoch), 0)
             self.record.batches[one.job, one.epoch] = max(known, one.first + len(one.records))
         elif isinstance(one, E.Confirm):
-            self.record.audits.add((one.job, one.phase, one.iteration, one.start, one.epoch))
+            self.record.audits.add(msgspec.structs.astuple(one.audit)[:5])
         elif isinstance(one, E.Quarantine):
             jobs = self.record.quarantine(one.worker, one.reason)
             self.tell(E.Voided(one.worker, jobs))
