@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from policies.data.ngsim_import import import_file
 from policies.data.scenes import DataError
 from policies.data.tables import is_table, read_tables
-from policies.drivers import WeightsError, load_drivers, shipped
+from policies.drivers import WEIGHTS_FOLDER, WeightsError, load_drivers, shipped
 from service.analysis.failures.memory import Memory
 from service.analysis.failures.rerun import Rerun
 from service.errors import InputError, ScenarioError, StoreError
@@ -55,7 +55,7 @@ class FileTargets:
         self._names = (str(n) for n in itertools.count())
         self._job = _job()
         self._run = self._recorded_run()
-        weights = loading.FOLDER.parents[1] / "policies" / "weights" / f"{shipped()[0]}.safetensors"
+        weights = WEIGHTS_FOLDER / f"{shipped()[0]}.safetensors"
         self._weights, card = weights.read_bytes(), weights.with_suffix(".json").read_bytes()
         self._drivers = folder / "drivers.safetensors"
         self._drivers.write_bytes(self._weights)
