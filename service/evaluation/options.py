@@ -16,6 +16,15 @@ COMMON = (
     "rel_error",
     "confidence",
 )
+# of ce, that `tailroad estimate` has a flag of its own for
+FLAGS_OF_CE = (
+    "iterations",
+    "samples_per_iteration",
+    "rho",
+    "step",
+    "mean_box",
+    "max_kl",
+)
 
 
 def option_names(method: str) -> tuple[str, ...]:

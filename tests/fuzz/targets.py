@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from service.errors import EgoError, InputError
 from service.evaluation.job import make_job
 from service.evaluation.store.jobs import JobStore
-from service.front.cli.options import option_of
+from service.front.cli.question_options import option_of
 from service.remote.api.application import Application
 from service.remote.api.catalogue import Catalogue
 from service.remote.api.limits import Limits

@@ -7,6 +7,7 @@ from typing import Any
 from service.analysis.risk import event_of
 from service.analysis.wording import count, level, one_in, significant
 from service.evaluation.job import Job
+from service.evaluation.options import COMMON, FLAGS_OF_CE
 from service.world.scenario import built_in_names, load_scenario
 
 METHOD_NAMES = {
@@ -25,17 +26,7 @@ PARAMETER_NAMES = {
     "lateral_mps": ("speed across the lane", "m/s"),
     "speed_mps": ("speed", "m/s"),
 }
-FLAGS = (  # options that `tailroad estimate` has a flag for
-    "budget",
-    "rel_error",
-    "confidence",
-    "iterations",
-    "samples_per_iteration",
-    "rho",
-    "step",
-    "mean_box",
-    "max_kl",
-)
+FLAGS = (*COMMON, *FLAGS_OF_CE)  # options that `tailroad estimate` has a flag for
 
 
 def road_name(job: Job) -> str:

@@ -16,32 +16,21 @@ from service.analysis.run.question import METHOD
 from service.analysis.wording import quantity
 from service.errors import InputError, WorkerError
 from service.evaluation.cores import core_count
+from service.evaluation.options import FLAGS_OF_CE
 from service.front.cli.ego_options import ego_option
 from service.front.cli.main import INTERRUPTED
 from service.front.cli.options import (
     finite,
     json_option,
-    measure_option,
-    noise_mode_option,
-    option_of,
-    option_option,
-    precision_options,
     seed_option,
     workers_option,
 )
 from service.front.cli.progress import Shown, progress_bar, stderr
+from service.front.cli.question_options import method_options, option_of, scenario_options
 from service.front.cli.tables import whole
 from service.world.scenario.measures import IMPACT
 
 NOT_PRECISE = 3
-CE_FLAGS = (
-    "iterations",
-    "samples_per_iteration",
-    "rho",
-    "step",
-    "mean_box",
-    "max_kl",
-)  # go among the options
 
 
 @click.command()
@@ -53,14 +42,10 @@ CE_FLAGS = (
     callback=finite,
     help="The event is f <= GAMMA, in the measure's unit; required for a new run.",
 )
-@measure_option()
-@noise_mode_option()
+@scenario_options()
 @click.option("--method", "methods", multiple=True, type=click.Choice(ce.METHODS), help="Once for each method wanted; "
               "several are compared.  [default: auto]")  # fmt: skip
-@click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True,
-              help="Rollouts of each method at most, training included.")  # fmt: skip
-@precision_options()
-@option_option()
+@method_options(budget="Rollouts of each method at most, training included.")
 @click.option("--iterations", type=click.IntRange(1), help="ce: K.")
 @click.option("--samples-per-iteration", type=click.IntRange(10), help="ce: N_k.")
 @click.option(
@@ -120,7 +105,7 @@ def command(
                         "give the event's threshold in the measure's unit, as in --gamma 0.5 (seconds to collision), "
                         f"or --gamma 0 with the measure {IMPACT} (a contact)"
                     )
-                flags = {name: asked.pop(name) for name in CE_FLAGS}
+                flags = {name: asked.pop(name) for name in FLAGS_OF_CE}
                 run = estimate(
                     scenario or "i80-10s",
                     ego,

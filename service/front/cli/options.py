@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import Any
 
 import click
-import msgspec
 
 from service.errors import InputError
 from service.world.scenario.measures import MEASURES
@@ -69,27 +68,6 @@ def renamed_option(old: str, new: str, kind: click.ParamType) -> Callable[[Calla
     return decorate
 
 
-def option_option() -> Callable:
-    return click.option(
-        "--option",
-        "options",
-        multiple=True,
-        metavar="NAME=VALUE",
-        help="Option of the method, as in rho=0.1; once for each.",
-    )
-
-
-def option_of(text: str) -> tuple[str, Any]:
-    """NAME=VALUE: the value as JSON, or else as text."""
-    name, equals, value = text.partition("=")
-    if not name or not equals:
-        raise InputError(f"--option {text}: give NAME=VALUE, as in rho=0.1")
-    try:
-        return name, msgspec.json.decode(value.encode())
-    except (msgspec.DecodeError, ValueError):
-        return name, value
-
-
 def json_option() -> Callable:
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
 
@@ -112,23 +90,6 @@ def workers_option() -> Callable:
 
 def zenoh_config_option(says: str = "Zenoh configuration file, for TLS and passwords.") -> Callable:
     return click.option("--zenoh-config", type=click.Path(exists=True, dir_okay=False), help=says)
-
-
-def precision_options() -> Callable[[Callable], Callable]:
-    """`--rel-error` and `--confidence`: how sure an estimate shall be."""
-    rel_error = click.option(
-        "--rel-error",
-        type=click.FloatRange(0, min_open=True),
-        callback=finite,
-        help="Stop when the interval's relative half-width is this small.",
-    )
-    confidence = click.option(
-        "--confidence",
-        type=click.FloatRange(0, 1, min_open=True, max_open=True),
-        default=0.95,
-        show_default=True,
-    )
-    return lambda command: rel_error(confidence(command))
 
 
 def require_folder(path: Any, what: str) -> None:

@@ -8,13 +8,9 @@ from service.front.cli.client_options import client_options, echo_json
 from service.front.cli.options import (
     finite,
     json_option,
-    measure_option,
-    noise_mode_option,
-    option_of,
-    option_option,
-    precision_options,
     seed_option,
 )
+from service.front.cli.question_options import method_options, option_of, scenario_options
 from service.remote.client import Client
 from service.remote.client.service import as_sent
 
@@ -33,13 +29,9 @@ METHODS = ("auto", "naive", "ce", "mixture", "splitting")
     required=True,
     help="The event is f <= GAMMA, in the measure's unit.",
 )
-@measure_option()
-@noise_mode_option()
+@scenario_options()
 @click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True)
-@click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True,
-              help="Rollouts at most, training included.")  # fmt: skip
-@precision_options()
-@option_option()
+@method_options(budget="Rollouts at most, training included.")
 @seed_option()
 @click.option("--priority", type=click.IntRange(-100, 100), default=0, show_default=True,
               help="Of two jobs the one of higher priority goes first.")  # fmt: skip

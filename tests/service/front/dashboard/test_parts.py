@@ -13,17 +13,7 @@ import msgspec
 import pytest
 from starlette.requests import Request
 
-from service.analysis.comparison.objects import (
-    Comparison,
-    Curves,
-    Difference,
-    Line,
-    ModeChange,
-    ModeSide,
-    Pair,
-    Pairs,
-    Side,
-)
+from service.analysis.comparison import objects as C
 from service.analysis.estimate_parts import EstimateWarning, Rollouts
 from service.analysis.failures.playback import Playback, RoadLine, Track
 from service.analysis.learned.objects import Behaviour, Learned, Parameter, Rate, Spread
@@ -181,7 +171,7 @@ LEARNED = Learned(
     summary=("the follower starts 20% faster",),
     notes=(EVIL,),
 )
-SIDE = Side(
+SIDE = C.Side(
     name="lidar",
     run="r",
     scenario="s",
@@ -196,7 +186,7 @@ SIDE = Side(
     ci=CI,
     warnings=("few-events",),
 )
-DIFFERENCE = Difference(
+DIFFERENCE = C.Difference(
     difference=-1e-4,
     difference_ci=(-1e-3, 1e-3),
     ratio=0.5,
@@ -205,27 +195,27 @@ DIFFERENCE = Difference(
     how="normal",
     clear=False,
 )
-MODE_SIDE = ModeSide(events=1, p=1e-4, ci=CI)
-LINE = Line(p=(None, 1e-3), low=(0.0, 1e-4), high=(1e-3, 1e-2))
-COMPARISON = Comparison(
+MODE_SIDE = C.ModeSide(events=1, p=1e-4, ci=CI)
+LINE = C.Line(p=(None, 1e-3), low=(0.0, 1e-4), high=(1e-3, 1e-2))
+COMPARISON = C.Comparison(
     gamma=0.5,
     confidence=0.95,
     sides=(SIDE, SIDE),
     pairs=(
-        Pair(
+        C.Pair(
             a=0,
             b=1,
             difference=DIFFERENCE,
-            draws=Pairs(both=1, only_a=2, only_b=3, neither=4),
+            draws=C.Pairs(both=1, only_a=2, only_b=3, neither=4),
             modes=(
-                ModeChange(
+                C.ModeChange(
                     mode="m", name=EVIL, a=MODE_SIDE, b=MODE_SIDE, difference=DIFFERENCE, change="appeared"
                 ),
             ),
             said=EVIL,
         ),
     ),
-    curves=Curves(gamma=(0.1, 0.5), sides=(LINE, LINE)),
+    curves=C.Curves(gamma=(0.1, 0.5), sides=(LINE, LINE)),
     notes=(EVIL,),
 )
 RISK = {
