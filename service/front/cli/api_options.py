@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from service.front.cli.options import all_of
+
 if TYPE_CHECKING:
     from service.remote.api.limits import Limits
     from service.remote.fleet.service import Fleet
@@ -50,7 +52,7 @@ class ApiSettings:
 
 def api_options() -> Callable:
     """`--scenario`, `--limit`, `--metrics` and `--log-json`; the command is given `api`, an ApiSettings."""
-    options = [
+    options = all_of(
         click.option("--scenario", "offered", multiple=True, type=click.Path(exists=True, dir_okay=False),
                      help="File of an own scenario that jobs may name; its road and weights must lie at the same path "
                      "on every worker. Once for each."),
@@ -59,7 +61,7 @@ def api_options() -> Callable:
         click.option("--metrics", metavar="[HOST:]PORT", help="Serve Prometheus metrics over HTTP here; without HOST "
                      "for this machine alone.  [default: none]"),
         click.option("--log-json", is_flag=True, help="Log one JSON object a line."),
-    ]  # fmt: skip
+    )  # fmt: skip
 
     def decorate(command: Callable) -> Callable:
         @wraps(command)
@@ -73,10 +75,7 @@ def api_options() -> Callable:
         ) -> Any:
             return command(*args, api=ApiSettings(offered, limits, metrics, log_json), **others)
 
-        wrapped: Callable = with_settings
-        for option in reversed(options):
-            wrapped = option(wrapped)
-        return wrapped
+        return options(with_settings)
 
     return decorate
 

@@ -7,19 +7,19 @@ from typing import Any
 import click
 import msgspec
 
-from service.front.cli.options import zenoh_config_option
+from service.front.cli.options import all_of, zenoh_config_option
 from service.remote.client import DEFAULT_ENDPOINT, Client
 
 
 def client_options() -> Callable:
     """`--connect`, `--zenoh-config` and `--timeout`; the command is given `client`, which it must use as a context."""
-    options = [
+    options = all_of(
         click.option("--connect", multiple=True, default=(DEFAULT_ENDPOINT,), show_default=True,
                      help="Zenoh endpoint of the service or a router; once for each."),
         zenoh_config_option(),
         click.option("--timeout", type=click.FloatRange(0.1, 3600), default=20.0, show_default=True,
                      help="Seconds to wait for an answer."),
-    ]  # fmt: skip
+    )  # fmt: skip
 
     def decorate(command: Callable) -> Callable:
         @wraps(command)
@@ -29,10 +29,7 @@ def client_options() -> Callable:
             with Client(connect, zenoh_config, timeout) as client:
                 return command(*args, client=client, **others)
 
-        wrapped: Callable = with_client
-        for option in reversed(options):
-            wrapped = option(wrapped)
-        return wrapped
+        return options(with_client)
 
     return decorate
 

@@ -12,6 +12,7 @@ from typing import Any
 import click
 
 from policies.egos import ego_names
+from service.front.cli.options import all_of
 from service.world.egos.here import permit
 from service.world.egos.open import check_ego
 from service.world.egos.settings import EgoSettings
@@ -22,7 +23,7 @@ def ego_option(default: str = "lidar", multiple: bool = False) -> Callable:
 
     multiple: `--ego` may come several times; `ego` is then a tuple, and there is no default.
     """
-    options = [
+    return all_of(
         click.option(
             "--ego",
             default=None if multiple else default,
@@ -38,14 +39,7 @@ def ego_option(default: str = "lidar", multiple: bool = False) -> Callable:
         _kept("--ego-deadline", float, "deadline_s", "Seconds that zenoh:NAME may take for an answer.  [default: 1]"),
         _kept("--ego-patience", float, "patience_s", "Seconds to wait for zenoh:NAME where it is not there.  "
               "[default: 10]"),
-    ]  # fmt: skip
-
-    def decorate(command: Callable) -> Callable:
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return decorate
+    )  # fmt: skip
 
 
 def _kept(name: str, kind: type, field: str, says: str) -> Callable:

@@ -12,6 +12,11 @@ from service.world.scenario.measures import MEASURES
 MAX_SEED = 2**63 - 1
 
 
+def all_of(*options: Callable) -> Callable[[Callable], Callable]:
+    """Several options as one decorator, in this order."""
+    return lambda command: functools.reduce(lambda made, option: option(made), reversed(options), command)
+
+
 def seed_option() -> Callable:
     return click.option(
         "--seed",

@@ -7,17 +7,17 @@ import click
 import msgspec
 
 from service.errors import InputError
-from service.front.cli.options import finite, measure_option, noise_mode_option
+from service.front.cli.options import all_of, finite, measure_option, noise_mode_option
 
 
 def scenario_options() -> Callable[[Callable], Callable]:
     """`--measure` and `--noise-mode`, in place of the scenario's."""
-    return lambda command: measure_option()(noise_mode_option()(command))
+    return all_of(measure_option(), noise_mode_option())
 
 
 def method_options(budget: str) -> Callable[[Callable], Callable]:
     """`--budget`, `--rel-error`, `--confidence` and `--option`, of every method; budget: what it counts."""
-    options = [
+    return all_of(
         click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True, help=budget),
         click.option("--rel-error", type=click.FloatRange(0, min_open=True), callback=finite,
                      help="Stop when the interval's relative half-width is this small."),
@@ -25,14 +25,7 @@ def method_options(budget: str) -> Callable[[Callable], Callable]:
                      show_default=True),
         click.option("--option", "options", multiple=True, metavar="NAME=VALUE",
                      help="Option of the method, as in rho=0.1; once for each."),
-    ]  # fmt: skip
-
-    def decorate(command: Callable) -> Callable:
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return decorate
+    )  # fmt: skip
 
 
 def option_of(text: str) -> tuple[str, Any]:

@@ -1,6 +1,7 @@
 """The pictures of a job's page."""
 
 from collections.abc import Sequence
+from functools import partial
 from math import sqrt
 from statistics import NormalDist
 
@@ -122,30 +123,25 @@ def of_the_search(job: Job, search: Sequence[SearchStep], estimate: Sequence[Est
         numbers: list[float | None] = [float(i) for i in range(1, len(both) + 1)]
         marks = (Mark("x", len(search) + 0.5, "estimate begins"),) if search and estimate else ()
         ess = [step.ess for step in both]
-        charts.append(
-            Chart(
+        by_batch = partial(Chart, x_label="batch", marks=marks)
+        charts += [
+            by_batch(
                 id="chart-ess",
                 title="Effective sample size",
                 shows="The effective sample size after each batch.",
-                x_label="batch",
                 y_label="ESS",
                 series=(Series("ESS", numbers, ess),),
-                marks=marks,
                 y_log=_is_wide([value for value in ess if value]),
-            )
-        )
-        charts.append(
-            Chart(
+            ),
+            by_batch(
                 id="chart-weight",
                 title="Largest weight",
                 shows="The share of the largest weight in all weights after each batch; a tenth and more is too much.",
-                x_label="batch",
                 y_label="share of the largest weight",
                 series=(Series("largest weight", numbers, [step.max_weight_share for step in both]),),
-                marks=marks,
                 y_include=(0.0,),
-            )
-        )
+            ),
+        ]
     return charts
 
 

@@ -6,6 +6,7 @@ import threading
 from dataclasses import replace
 
 import msgspec
+import numpy as np
 import pytest
 import sqlalchemy as sa
 
@@ -14,7 +15,6 @@ from service.errors import StoreError
 from service.evaluation.store import Chunk, Origin
 from service.evaluation.store.jobs import AuditRow, JobStore
 from service.evaluation.store.tables import jobs
-from tests.service.evaluation.store.chunks import chunk
 
 
 @pytest.fixture
@@ -22,6 +22,16 @@ def store(url, job):
     with JobStore(url) as store:
         store.add_job("a", job, 3, 2.0, "first", "running")
         yield store
+
+
+def chunk(start: int, n: int, seed: int = 0) -> Chunk:
+    g = np.random.default_rng((seed, start))
+    f = g.normal(size=n)
+    f[0] = [np.nan, np.inf, 5e-324, -0.0][start % 4]
+    errors = {0: "EgoError: täuscht\n'quoted' \x00"} if start % 4 == 0 else {}
+    return Chunk(
+        start, start + n, f, g.integers(0, 5, n).astype(np.uint8), np.arange(n, dtype=np.int32), errors, 0.5
+    )
 
 
 def bits(c: Chunk) -> tuple:
