@@ -10,6 +10,7 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 
 import ce
+from service.closing import Closing
 from service.errors import StoreError
 from service.evaluation.job import Job
 from service.evaluation.store.chunk import Chunk, Origin, checksum_of, same_checksum
@@ -100,7 +101,7 @@ class Mark(msgspec.Struct, frozen=True):
         return self.status not in OPEN
 
 
-class JobStore:
+class JobStore(Closing):
     """The database of a fleet; any number of readers, one scheduler that writes."""
 
     def __init__(self, url: str, lock_wait_s: float = LOCK_WAIT_S, new: bool = True):
@@ -115,12 +116,6 @@ class JobStore:
     def claim(self) -> Claim:
         """Make sure that no other scheduler works on this database; StoreError where one does."""
         return Claim(self._engine)
-
-    def __enter__(self) -> "JobStore":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     # -- jobs and what they tell -----------------------------------------------------------------------------
 
