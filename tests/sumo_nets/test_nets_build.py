@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 from sumo_nets import build, i80_geometry, us101_geometry
@@ -13,6 +15,11 @@ from sumo_nets.corridor import BUILT_IN, NetworkError, built_in_folder
 
 FOLDER = built_in_folder("i80")
 GEOMETRY = os.environ.get("TAILROAD_GEOMETRY", "")
+
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
+# The curves solve ill-conditioned systems, whose answers differ between processors by a small part of the last written
+# digit: coordinates near a rounding boundary may have another one. The committed sources were made on one processor.
+LAST_DIGIT = 1e-4
 
 
 @pytest.mark.parametrize("name", BUILT_IN)
@@ -31,7 +38,10 @@ def test_the_raw_geometry_gives_the_committed_sources(name, tmp_path):
     raw = {"i80": Path(GEOMETRY), "us101": Path(GEOMETRY).parent / "scenes"}[name]
     for path in build.write_sources(name, raw, folder=tmp_path):
         committed = built_in_folder(name) / path.name
-        assert path.read_text(encoding="utf-8") == committed.read_text(encoding="utf-8"), path.name
+        made, kept = path.read_text(encoding="utf-8"), committed.read_text(encoding="utf-8")
+        assert NUMBER.sub("#", made) == NUMBER.sub("#", kept), path.name
+        apart = np.abs(np.array(NUMBER.findall(made), float) - np.array(NUMBER.findall(kept), float))
+        assert apart.max() < 1.01 * LAST_DIGIT, path.name
 
 
 def test_no_date_and_no_machine_path_is_in_the_committed_network():

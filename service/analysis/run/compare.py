@@ -87,10 +87,10 @@ def compare(
 
     >>> import tailroad
     >>> found = tailroad.compare(
-    ...     "i80-10s", ["idm", "sumo:Krauss"], gamma=2.0, budget=40, examine=0, out=folder, workers=1
+    ...     "i80-paper-10s", ["idm", "sumo:Krauss"], gamma=2.0, budget=40, examine=0, out=folder, workers=1
     ... )
     >>> [side.events for side in found.comparison.sides]
-    [24, 24]
+    [24, 26]
     """
     count = workers or core_count()
     if isinstance(what, str | Path | Scenario):

@@ -56,7 +56,7 @@ def estimate(
     Bad input raises InputError; Ctrl-C raises Interrupted, and `resume` goes on from there to the same bits.
 
     >>> import tailroad
-    >>> run = tailroad.estimate("i80-10s", ego="idm", gamma=2.0, method="naive", budget=40, out=folder, workers=1)
+    >>> run = tailroad.estimate("i80-paper-10s", ego="idm", gamma=2.0, method="naive", budget=40, out=folder, workers=1)
     >>> run.estimate.p, run.estimate.rollouts.total
     (0.6, 40)
     """
