@@ -72,7 +72,7 @@ def base_distribution(scenario: Scenario, drivers: DriverModel) -> ce.Product:
 def dimension(scenario: Scenario) -> int:
     """Of the base distribution, without making it."""
     searched = scenario.action_noise_values if scenario.drivers.noise_mode == "searched" else 0
-    return _before_weights(scenario) + HEAD_SIZE + searched
+    return before_weights(scenario) + HEAD_SIZE + searched
 
 
 def marginal(dist: Distribution) -> Marginal:
@@ -102,7 +102,7 @@ def unpack(scenario: Scenario, x: np.ndarray) -> tuple[list[Start], np.ndarray]:
                 width_m=scenario.of(vehicle, "width_m"),
             )
         )
-    first = _before_weights(scenario)
+    first = before_weights(scenario)
     return starts, x[first : first + HEAD_SIZE]
 
 
@@ -127,14 +127,14 @@ def lateral_speed(scenario: Scenario, offset_m: float, drawn: float, speed_mps: 
 
 def causes(scenario: Scenario, x: np.ndarray) -> np.ndarray:
     """The drivers' causes that a draw x (d,) holds: (vehicles, columns of `service.world.scenario.causes`)."""
-    last = _before_weights(scenario)
+    last = before_weights(scenario)
     return causes_of(scenario, x[last - len(cause_names(scenario)) : last])
 
 
 def searched_action_noise(scenario: Scenario, x: np.ndarray) -> np.ndarray:
     """The action noise (steps, vehicles, channels) that a draw x (d,) of a scenario with noise_mode = "searched"
     holds."""
-    normals = x[_before_weights(scenario) + HEAD_SIZE :]
+    normals = x[before_weights(scenario) + HEAD_SIZE :]
     return np.ascontiguousarray(normals, dtype=np.float64).reshape(
         scenario.steps, len(scenario.vehicles), scenario.noise_channels
     )
@@ -148,7 +148,7 @@ def weather_values(scenario: Scenario, x: np.ndarray) -> dict[str, float]:
     return dict(zip(WEATHER, x[begin : begin + len(WEATHER)].tolist(), strict=True))
 
 
-def _before_weights(scenario: Scenario) -> int:
+def before_weights(scenario: Scenario) -> int:
     """How many coordinates of X come before xi."""
     weather = 0 if scenario.weather is None else len(WEATHER)
     return STARTS * len(scenario.vehicles) + weather + len(cause_names(scenario))

@@ -23,6 +23,7 @@ epsilon.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -42,6 +43,7 @@ ACCELERATION, TURN_RATE, GLANCE, LEAK = range(4)
 CHANNELS = 4
 POWER_STEPS = 400  # of the iteration for the modes
 CERTAIN = 1.0 - 1e-12
+SAME_MODE = 1e-9  # a mode this near to what its cause says is left as it is
 
 
 @kernel
@@ -102,6 +104,41 @@ def _lowest_modes(r: float, steps: int, modes: int) -> tuple[np.ndarray, np.ndar
 
 
 @kernel
+def recursion(r: float) -> tuple[float, float, float, float, float]:
+    """The constants of `next_noise` for a decay r = exp(-dt / T) a step."""
+    a1, a2 = 2.0 * r, -r * r
+    first = a1 / (1.0 - a2)
+    spread = math.sqrt(1.0 - first * a1 - (first * a1 + a2) * a2)
+    return a1, a2, spread, first, math.sqrt(1.0 - first * first)
+
+
+@kernel
+def next_noise(
+    k: int, e: float, last: float, before: float, constants: tuple[float, float, float, float, float]
+) -> float:
+    """The noise of step k, of unit variance, from a standard normal and the values of the two steps before."""
+    a1, a2, spread, first, begun = constants
+    if k == 0:
+        return e
+    if k == 1:
+        return first * last + begun * e
+    return a1 * last + a2 * before + spread * e
+
+
+@kernel
+def glance_of(
+    z: float, begins_s: float, long_from_s: float, hazard: float, median_s: float, sigma: float, long_s: float
+) -> float:
+    """Seconds of the glance that z starts at `begins_s`, 0: none; no long one begins before `long_from_s`."""
+    share = normal_tail(z) / hazard
+    if share < 1.0:
+        seconds = median_s * exp(-sigma * normal_quantile(min(max(share, 1e-300), CERTAIN)))
+        if seconds < long_s or begins_s >= long_from_s:
+            return seconds
+    return 0.0
+
+
+@kernel
 def _realise(
     normals: np.ndarray, causes: np.ndarray, ego: int, modes: np.ndarray, roots: np.ndarray, decays: np.ndarray,
     amplitudes: np.ndarray, dt_s: float, hazard: float, median_s: float, sigma: float, long_s: float, leak_below: float,
@@ -121,42 +158,53 @@ def _realise(
                     table[k, i, c] = 0.0
             continue
         for c in range(2):
-            r = decays[c]
-            a1, a2 = 2.0 * r, -r * r
-            first = a1 / (1.0 - a2)
-            spread = math.sqrt(1.0 - first * a1 - (first * a1 + a2) * a2)
-            begun = math.sqrt(1.0 - first * first)
+            constants = recursion(decays[c])
             for k in range(steps):
-                e = normals[k, i, c]
-                if k == 0:
-                    table[k, i, c] = e
-                elif k == 1:
-                    table[k, i, c] = first * table[0, i, c] + begun * e
-                else:
-                    table[k, i, c] = a1 * table[k - 1, i, c] + a2 * table[k - 2, i, c] + spread * e
+                last = table[k - 1, i, c] if k > 0 else 0.0
+                before = table[k - 2, i, c] if k > 1 else 0.0
+                table[k, i, c] = next_noise(k, normals[k, i, c], last, before, constants)
                 if k == window - 1:
                     for m in range(count):
                         along = 0.0
                         for q in range(window):
                             along += modes[c, q, m] * table[q, i, c]
                         along = roots[c, m] * causes[i, MODES + c * count + m] - along
-                        for q in range(window):
-                            table[q, i, c] += along * modes[c, q, m]
+                        if abs(along) > SAME_MODE:  # else the path is as the cause says, and stays to the bit
+                            for q in range(window):
+                                table[q, i, c] += along * modes[c, q, m]
             for k in range(steps):
                 table[k, i, c] *= amplitudes[c]
         onset, duration = causes[i, GLANCE_ONSET_S], causes[i, GLANCE_DURATION_S]
         for k in range(steps):
-            table[k, i, GLANCE] = 0.0
             table[k, i, LEAK] = 1.0 if normals[k, i, LEAK] < leak_below else 0.0
-            share = normal_tail(normals[k, i, GLANCE]) / hazard
-            if share < 1.0:
-                seconds = median_s * exp(-sigma * normal_quantile(min(max(share, 1e-300), CERTAIN)))
-                if seconds < long_s or k * dt_s >= onset + duration:
-                    table[k, i, GLANCE] = seconds
+            table[k, i, GLANCE] = glance_of(
+                normals[k, i, GLANCE], k * dt_s, onset + duration, hazard, median_s, sigma, long_s
+            )
         at = onset / dt_s
         if at < steps:
             table[int(at), i, GLANCE] = duration
             table[int(at), i, LEAK] = 1.0 if causes[i, GLANCE_LEAK] < leak_share else 0.0
+
+
+@kernel
+def _modes_in(
+    normals: np.ndarray, ego: int, modes: np.ndarray, roots: np.ndarray, decays: np.ndarray, found: np.ndarray
+) -> None:  # fmt: skip
+    """Fill `found` (vehicles, 2, m) with what the causes have to be for `_realise` to leave the noise as it is."""
+    window, count = modes.shape[1], modes.shape[2]
+    path = np.empty(window)
+    for i in range(normals.shape[1]):
+        for c in range(2):
+            constants = recursion(decays[c])
+            for k in range(window):
+                last = path[k - 1] if k > 0 else 0.0
+                before = path[k - 2] if k > 1 else 0.0
+                path[k] = next_noise(k, normals[k, i, c], last, before, constants)
+            for m in range(count):
+                along = 0.0
+                for q in range(window):
+                    along += modes[c, q, m] * path[q]
+                found[i, c, m] = 0.0 if i == ego else along / roots[c, m]
 
 
 class Latent:
@@ -188,9 +236,23 @@ class Latent:
         self._table = np.zeros((scenario.steps, len(scenario.vehicles), CHANNELS))
 
     @property
+    def fixed(self) -> tuple[Any, ...]:
+        """What the kernels read: modes, roots, decays, amplitudes, step, glances' hazard, median, sigma and `long_s`,
+        and below which normal, and below which share, one leaks."""
+        return self._fixed
+
+    @property
     def modes(self) -> tuple[np.ndarray, np.ndarray]:
         """The modes (2, window, m) of acceleration and turn rate, and the roots of their variances (2, m)."""
         return self._fixed[0], self._fixed[1]
+
+    def modes_in(self, normals: np.ndarray) -> np.ndarray:
+        """The modes' coordinates (vehicles, 2, m) that the noise of these normals (steps, vehicles, 4) has by itself:
+        with them as causes `realise` leaves it as it is, to the bit."""
+        modes, roots, decays = self._fixed[:3]
+        found = np.empty((normals.shape[1], 2, modes.shape[2]))
+        _modes_in(normals, self._ego, modes, roots, decays, found)
+        return found
 
     def realise(self, normals: np.ndarray, causes: np.ndarray) -> np.ndarray:
         """The table (steps, vehicles, 4) of standard normals of that shape and causes (vehicles, columns).

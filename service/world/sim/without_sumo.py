@@ -6,33 +6,29 @@ do, and have a share of their rollouts run in SUMO too and compared bit for bit 
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from policies.drivers import DriverModel
 from policies.egos import ego_names, ego_weights, load_ego
-from policies.egos.idm import DESIRED_SPEED_MPS
 from policies.egos.lidar import LidarEgo
 from policies.egos.registry import LIDAR
-from policies.idm import idm_action
 from policies.jit import kernel
-from policies.layout import OUTPUTS
-from policies.network import forward, sample_action
 from service.closing import Closing
 from service.errors import InputError
 from service.world.safety.contact import contact_of
 from service.world.safety.impact import time_or_impact
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
-from service.world.sim.human import advance_human, traits_of
+from service.world.sim.human import traits_of
 from service.world.sim.road import road_of
 from service.world.sim.rollout import OUTCOMES, Draw, Rollout
-from service.world.sim.step import advance_all, observe
+from service.world.sim.segment import IDM, IMPACT, NETWORK, RAYS, drive_on
+from service.world.sim.step import observe
 from service.world.sim.world import DriverNetwork, World
 from sumo_nets.corridor import Corridor
 
-IDM, NETWORK = 0, 1  # kinds of compiled egos
-RAYS, IMPACT = 0, 1  # compiled measures
 MEASURES = {"ttc": RAYS, "ttc-impact": IMPACT}
 
 
@@ -52,75 +48,40 @@ def can_leave_out_sumo(scenario: Scenario, ego: str) -> bool:
 
 @kernel
 def drive(
-    agents: np.ndarray,
-    controlled: int,
-    ego: int,
-    ego_kind: int,
-    ego_w1: np.ndarray,
-    ego_b1: np.ndarray,
-    ego_w2: np.ndarray,
-    ego_b2: np.ndarray,
-    ego_head: np.ndarray,
-    ego_scale: np.ndarray,
-    w1: np.ndarray,
-    b1: np.ndarray,
-    w2: np.ndarray,
-    b2: np.ndarray,
-    head: np.ndarray,
-    scale: np.ndarray,
-    action_noise: np.ndarray,
-    dt_s: float,
-    reference: np.ndarray,
-    lanes: np.ndarray,
-    spacing_m: float,
-    beams: np.ndarray,
-    rays: np.ndarray,
-    observations: np.ndarray,
-    poses: np.ndarray,
-    measure: int,
-    minds: np.ndarray,
-    traits: np.ndarray,
-) -> tuple[float, int, int]:
+    agents: np.ndarray, controlled: int, ego: int, ego_kind: int, ego_w1: np.ndarray, ego_b1: np.ndarray,
+    ego_w2: np.ndarray, ego_b2: np.ndarray, ego_head: np.ndarray, ego_scale: np.ndarray, w1: np.ndarray, b1: np.ndarray,
+    w2: np.ndarray, b2: np.ndarray, head: np.ndarray, scale: np.ndarray, action_noise: np.ndarray, dt_s: float,
+    reference: np.ndarray, lanes: np.ndarray, spacing_m: float, beams: np.ndarray, rays: np.ndarray,
+    observations: np.ndarray, poses: np.ndarray, measure: int, minds: np.ndarray, traits: np.ndarray,
+) -> tuple[float, int, int]:  # fmt: skip
     """The smallest value of the measure, how the ego ended (service.world.sim.step) and the steps driven.
 
-    action_noise: (steps, vehicles, 2) standard normals, or (steps, vehicles, 4) of `service.world.sim.latent` where
-        `traits` says that the drivers are human
-    minds, traits: see `service.world.sim.human`; the rest as `service.world.sim.step` has it
+    The arguments are those of `service.world.sim.segment.drive_on`.
     """
-    outputs = np.empty(OUTPUTS, np.float32)
     status, smallest = observe(
         agents, controlled, controlled, ego, reference, lanes, spacing_m, beams, rays, observations
     )
     if measure == IMPACT:
         smallest = time_or_impact(agents, controlled, ego)
-    k = 0
-    while status == step.RUNNING and k < action_noise.shape[0]:
-        if ego_kind == IDM:
-            a, w = idm_action(observations[ego], DESIRED_SPEED_MPS)
-        else:
-            forward(observations[ego], ego_w1, ego_b1, ego_w2, ego_b2, ego_head, outputs)
-            a, w = sample_action(outputs, ego_scale, 0.0, 0.0)
-        if not (math.isfinite(a) and math.isfinite(w)):
-            return math.nan, status, k
-        if traits.shape[0] > 0:
-            advance_human(
-                agents, controlled, controlled, ego, a, w, observations, w1, b1, w2, b2, head, scale, action_noise[k],
-                dt_s, reference, lanes, spacing_m, minds, traits, poses,
-            )  # fmt: skip
-        else:
-            advance_all(
-                agents, controlled, ego, a, w, observations, w1, b1, w2, b2, head, scale, action_noise[k], dt_s,
-                lanes.shape[1], poses,
-            )  # fmt: skip
-        status, value = observe(
-            agents, controlled, controlled, ego, reference, lanes, spacing_m, beams, rays, observations
-        )
-        if measure == IMPACT:
-            value = time_or_impact(agents, controlled, ego)
-        if value < smallest:
-            smallest = value
-        k += 1
-    return smallest, status, k
+    return drive_on(
+        agents, controlled, ego, ego_kind, ego_w1, ego_b1, ego_w2, ego_b2, ego_head, ego_scale, w1, b1, w2, b2, head,
+        scale, action_noise, dt_s, reference, lanes, spacing_m, beams, rays, observations, poses, measure, minds,
+        traits, status, smallest,
+    )  # fmt: skip
+
+
+class Parts(NamedTuple):
+    """What the kernels of a scenario with a compiled ego read.
+
+    ego: kind and weights; network: w1, b1, w2, b2 and scale of the drivers; road: reference, lanes, spacing, beams and
+    the measure's rays
+    """
+
+    ego: tuple[Any, ...]
+    network: tuple[np.ndarray, ...]
+    road: tuple[Any, ...]
+    measure: int
+    traits: np.ndarray
 
 
 class WithoutSumo(Closing):
@@ -154,6 +115,14 @@ class WithoutSumo(Closing):
         # the intelligent driver reads no weights; it is given the drivers' so that the kernel has one signature
         own = policy.weights if isinstance(policy, LidarEgo) else self._drivers_weights(drivers)
         self._ego = (kind, *own)
+
+    @property
+    def parts(self) -> Parts:
+        """For kernels that drive many rollouts at once (`service.world.paths`)."""
+        world, net = self._world, self._network
+        road = (world.road.reference, world.road.lanes, world.road.spacing_m, world.beams, self._rays)
+        drivers = (net.w1, net.b1, net.w2, net.b2, net.action_scale)
+        return Parts(self._ego, drivers, road, self._measure, world.traits)
 
     def _drivers_weights(self, drivers: DriverModel) -> tuple[np.ndarray, ...]:
         n = self._network

@@ -1,0 +1,96 @@
+"""The paths of one scenario with a compiled ego, as `ce` asks for them (`ce.paths`)."""
+
+import numpy as np
+
+import ce
+from policies.drivers import DriverModel
+from service.world.paths.begin import begin, layout_of
+from service.world.paths.drive import drive_all
+from service.world.paths.features import features_of
+from service.world.paths.lineage import Lineage, drawn
+from service.world.paths.noise import constants_of
+from service.world.paths.states import States, empty_states
+from service.world.scenario.base import base_distribution
+from service.world.scenario.causes import GRID
+from service.world.scenario.schema import Scenario
+from service.world.sim import step
+from service.world.sim.rollout import OUTCOMES
+from service.world.sim.without_sumo import WithoutSumo
+from sumo_nets.corridor import Corridor
+
+CHECKPOINT_S = 0.5  # between checkpoints
+
+
+class HighwayPaths:
+    """The paths of one scenario; checkpoints: steps at which paths are looked at, 0 first, the horizon last."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        corridor: Corridor,
+        drivers: DriverModel,
+        ego: str,
+        checkpoint_s: float = CHECKPOINT_S,
+    ):
+        """InputError where the scenario or the ego needs SUMO."""
+        self._scenario = scenario
+        self._alone = WithoutSumo(scenario, corridor, drivers, ego)
+        self._layout = layout_of(scenario)
+        self._latent = constants_of(scenario)
+        self.base: ce.Product = base_distribution(scenario, drivers)
+        every = max(round(checkpoint_s / scenario.time.step_s), 1)
+        self.checkpoints: tuple[int, ...] = (*range(0, scenario.steps, every), scenario.steps)
+
+    def begin(self, x: np.ndarray, seeds: np.ndarray) -> States:
+        """The states at step 0 of draws x (n, d); a compiled ego takes nothing from the seeds (n,)."""
+        s = empty_states(len(x), len(self._scenario.vehicles), self._scenario.human is not None)
+        parts = self._alone.parts
+        begin(
+            np.ascontiguousarray(x, dtype=np.float64), self._layout, *parts.road, parts.measure, GRID, s.agents,
+            s.observations, s.minds, s.causes, s.heads, s.smallest, s.status,
+        )  # fmt: skip
+        return s
+
+    def measure(self, states: States) -> np.ndarray:
+        """The smallest value so far (n,)."""
+        return states.smallest
+
+    def alive(self, states: States) -> np.ndarray:
+        """Which go on (n,)."""
+        running = (states.status == step.RUNNING) & ~np.isnan(states.smallest)
+        return np.asarray(running & (states.at < self._scenario.steps))
+
+    def steps(self, states: States) -> np.ndarray:
+        """Steps of the segment last driven (n,)."""
+        return states.driven
+
+    def outcomes(self, states: States) -> np.ndarray:
+        """How each stands (n,), as `service.world.sim.step` has it."""
+        return states.status
+
+    def features(self, states: States) -> np.ndarray:
+        """(n, other vehicles, FEATURES) float32."""
+        parts = self._alone.parts
+        return features_of(states, self._layout.ego, parts.road[2], self._scenario.time.step_s)
+
+    def take(self, states: States, rows: np.ndarray) -> States:
+        """Copies of these rows."""
+        return states.take(rows)
+
+    def advance(self, states: States, keys: np.ndarray, until: int) -> States:
+        """The states at step `until`, or where they ended before; the noise of each is a function of its key alone."""
+        s = states.take(np.arange(len(states)))
+        parts = self._alone.parts
+        drive_all(
+            np.ascontiguousarray(keys, dtype=np.uint64), until, self._layout.ego, parts.ego, parts.network, parts.road,
+            self._latent, self._scenario.time.step_s, parts.measure, parts.traits, s.agents, s.observations, s.minds,
+            s.noise, s.causes, s.heads, s.smallest, s.status, s.at, s.driven,
+        )  # fmt: skip
+        return s
+
+    def drawn(self, x: np.ndarray, lineage: Lineage) -> tuple[np.ndarray, np.ndarray]:
+        """The draw and the normals of a whole path; x (d,) of its root."""
+        return drawn(self._scenario, self._layout, self._latent, x, lineage)
+
+    def outcome_name(self, status: int) -> str:
+        return OUTCOMES[status]
