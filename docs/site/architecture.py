@@ -36,13 +36,14 @@ def rooms() -> list[Room]:
         for name, c in contracts.items()
         if c["type"] == "layers" and name != ROOMS
     }
-    modules = [*([f"{m}" for m in ("tailroad",) if (ROOT / m).is_dir()]), *layers, *BELOW]
+    modules = ["tailroad", *layers, *BELOW]
+    imported = {module: _imports(module) for module in modules}
     return [
         Room(
             module,
             _purpose(module),
             tuple(layer.replace(f"{module}.", "") for layer in within.get(module, ())),
-            tuple(other for other in modules if other != module and _imports(module) & {other}),
+            tuple(other for other in modules if other != module and other in imported[module]),
         )
         for module in modules
     ]
@@ -75,10 +76,10 @@ def _imports(module: str) -> set[str]:
     return found
 
 
-def picture() -> str:
+def picture(layers: list[Room]) -> str:
     """The layers as SVG: each imports only what stands below it."""
     drawn, y = [], _PAD
-    for room in rooms():
+    for room in layers:
         if room.module in BELOW:
             continue
         lines = _wrapped(room.purpose, 120)
@@ -91,7 +92,7 @@ def picture() -> str:
         )
         y += height + 10
     width = (_WIDTH - 2 * _PAD - 20) // 3
-    for i, room in enumerate(r for r in rooms() if r.module in BELOW):
+    for i, room in enumerate(r for r in layers if r.module in BELOW):
         lines = _wrapped(room.purpose, 38)
         drawn.append(
             _box(_PAD + i * (width + 10), y, width, 40 + _LINE * 4, room.module, lines[:4], "#f6efe2")
@@ -126,10 +127,10 @@ def _box(x: int, y: int, width: int, height: int, title: str, lines: list[str], 
     )
 
 
-def table() -> str:
+def table(layers: list[Room]) -> str:
     """The same for readers of text."""
     rows = []
-    for room in rooms():
+    for room in layers:
         uses = ", ".join(f"`{module}`" for module in room.uses) or "nothing of tailroad"
         rows.append(f"| `{room.module}` | {room.purpose} | {uses} |")
     return "\n".join(["| layer | what | imports |", "| --- | --- | --- |", *rows])
