@@ -2,7 +2,7 @@
 
     import tailroad
 
-    run = tailroad.estimate("i80-10s", ego="lidar", gamma=0.5, budget=20_000)
+    run = tailroad.estimate("i80-paper-10s", ego="lidar-paper", gamma=0.7, budget=4_000)
     run.estimate.p, run.estimate.ci
     run.report("out.html")
     run.failures()

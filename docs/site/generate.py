@@ -18,7 +18,9 @@ def pages() -> dict[str, str]:
         "docs/reference/ce.md": reference("ce"),
         "docs/reference/tailroad.md": reference("tailroad"),
         "docs/architecture.svg": architecture.picture(layers),
-        "docs/reference/layers.md": f"# Layers\n\nEach imports only what stands below it.\n\n{architecture.table(layers)}\n",
+        "docs/reference/layers.md": (
+            f"# Layers\n\nEach imports only what stands below it.\n\n{architecture.table(layers)}\n"
+        ),
         "docs/reference/command-line.md": commands.page(),
         "deploy/decisions/README.md": decisions.index(),
         f"{objects.folder().relative_to(ROOT).as_posix()}/README.md": objects.page(),

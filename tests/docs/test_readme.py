@@ -16,6 +16,17 @@ def test_it_is_read_in_a_minute():
     assert len(README.splitlines()) <= 130
 
 
+@pytest.mark.parametrize(
+    "name", ["README.md", *(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md")), "docs/tutorials"]
+)
+def test_code_on_the_front_pages_is_seen_whole_beside_both_columns_of_the_site(name):
+    """87 columns of code fit a page at 1280 pixels."""
+    of = ROOT / name
+    for page in of.glob("*.md") if of.is_dir() else [of]:
+        blocks = re.findall(r"^```\w*\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
+        assert max((len(line) for block in blocks for line in block.splitlines()), default=0) <= 87, page
+
+
 def test_the_table_of_what_it_is_worth_is_that_of_the_result_page():
     page = (ROOT / "deploy" / "results" / "beyond-large.md").read_text(encoding="utf-8")
     after = page.partition("## Efficiency by repeated runs, training counted")[2]
