@@ -3,6 +3,7 @@
 README.md in this folder has the notation, the equations and the conditions behind each warning.
 """
 
+from ce import paths
 from ce.auto import Auto, AutoOptions
 from ce.beta import Beta
 from ce.codec import to_bytes
@@ -24,6 +25,7 @@ from ce.mixture import MixtureOptions, MixtureSampling
 from ce.naive import Naive, NaiveOptions
 from ce.normal import Normal
 from ce.paired import paired
+from ce.paths import PathEstimate, Process, Simulator
 from ce.product import Product
 from ce.protocol import Algorithm
 from ce.records import Batch, EstimationRecord, TrainingRecord
@@ -71,10 +73,13 @@ __all__ = [
     "NaiveState",
     "Normal",
     "OptionsError",
+    "PathEstimate",
+    "Process",
     "Product",
     "ReplicatedEstimate",
     "ResponseError",
     "Sensitivity",
+    "Simulator",
     "Splitting",
     "SplittingOptions",
     "SplittingState",
@@ -96,6 +101,7 @@ __all__ = [
     "estimate",
     "general_options",
     "paired",
+    "paths",
     "present_options",
     "reweighted",
     "sensitivity",

@@ -1,0 +1,217 @@
+"""Paths driven from checkpoint to checkpoint, split where they are too heavy for their importance, ended at random
+where too light.
+
+At a checkpoint a path of weight w whose target is t has ratio r = w / t. Above SPLIT it becomes floor(r' + u) paths
+of weight w / r', r' = min(r, MOST), u uniform; below ROULETTE it goes on with chance r at weight t, or ends. Each
+keeps the expected weight, so the weighted number of paths that come to a level is unbiased for any plan that was
+fixed before. u and the noise of every segment are functions of the node's key, so any part of the roots gives the
+same bits.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from ce.paths import keys
+from ce.paths.plan import MOST, ROULETTE, SPLIT, Committor, Plan
+from ce.paths.process import Process
+from ce.paths.starts import Roots
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+
+class Recorded(msgspec.Struct, frozen=True, eq=False):
+    """The paths that left a checkpoint, to learn from.
+
+    features: (n, m, F), at the checkpoint
+    weight: (n,)
+    parent: (n,), row of the checkpoint before that each comes from, -1 at the first
+    before: (n,), smallest measure so far
+    after: (n,), smallest measure at the next checkpoint
+    """
+
+    features: NDArray[np.float32]
+    weight: Array
+    parent: Rows
+    before: Array
+    after: Array
+
+
+class Driven(msgspec.Struct, frozen=True, eq=False):
+    """What roots came to.
+
+    events: (n, L), weight of each root's paths that came to each level, by when they first did
+    hits: (n, L), number of those paths
+    steps: (n,), simulated for each root
+    begun: (n,), paths begun for each root: itself and every further one by splitting
+    root: (k,), of each path that came to its end, in rising order
+    weight: (k,), of the path
+    value: (k,), its smallest measure; NaN where it failed
+    lineage: (k, T) uint64, the keys of its segments, 0 after its end: with x and seed all that a replay needs
+    record: one a checkpoint, empty where none was asked for
+    """
+
+    events: Array
+    hits: Rows
+    steps: Rows
+    begun: Rows
+    root: Rows
+    weight: Array
+    value: Array
+    lineage: NDArray[np.uint64]
+    record: tuple[Recorded, ...] = ()
+
+
+def drive(
+    process: Process[Any],
+    roots: Roots,
+    levels: Array,
+    checkpoints: Sequence[int],
+    plan: Plan | None = None,
+    committor: Committor | None = None,
+    record: bool = False,
+) -> Driven:
+    """Drive the roots to their ends; without a plan none is split or ended.
+
+    process: the simulator
+    roots: (n,), kept starts
+    levels: (L,), at which events are counted, in the unit of the measure
+    checkpoints: steps, 0 first, the horizon last
+    plan: fixed before, with its committor
+    record: whether to keep what a committor learns from
+    """
+    n, segments = roots.size, len(checkpoints) - 1
+    states = process.begin(roots.x, roots.seeds)
+    root, weight = np.arange(n), roots.weights.copy()
+    key = keys.children(roots.seeds, 0)
+    lineage = np.zeros((n, segments), dtype=np.uint64)
+    smallest, parent = process.measure(states), np.full(n, -1)
+    events, hits = np.zeros((n, levels.size)), np.zeros((n, levels.size), dtype=np.int64)
+    steps, begun = np.zeros(n, dtype=np.int64), np.ones(n, dtype=np.int64)
+    _count(events, hits, root, weight, np.full(n, np.inf), smallest, levels)
+    ends: list[tuple[Rows, Array, Array, NDArray[np.uint64]]] = []
+    recorded: list[Recorded] = []
+    for k in range(segments):
+        alive = process.alive(states)
+        ended = np.flatnonzero(~alive)
+        ends.append((root[ended], weight[ended], smallest[ended], lineage[ended]))
+        rows = np.flatnonzero(alive)
+        if k and plan is not None and committor is not None and rows.size:
+            copies, lighter = _copies(process, states, rows, weight, key, smallest, plan, committor, k)
+            weight = weight.copy()
+            weight[rows] = lighter
+            rows, own = np.repeat(rows, copies), np.arange(int(copies.sum()))
+            number = own - np.repeat(np.cumsum(copies) - copies, copies)
+            np.add.at(begun, root[rows[number > 0]], 1)
+        else:
+            number = np.zeros(rows.size, dtype=np.int64)
+        states, root, weight, lineage = process.take(states, rows), root[rows], weight[rows], lineage[rows]
+        key, parent, smallest = key[rows], parent[rows], smallest[rows]
+        if k:
+            key = keys.children(key, number)
+        if rows.size == 0:
+            break
+        lineage[:, k] = key
+        features = process.features(states) if record else None
+        states = process.advance(states, key, checkpoints[k + 1])
+        before, smallest = smallest, process.measure(states)
+        np.add.at(steps, root, process.steps(states))
+        _count(events, hits, root, weight, before, smallest, levels)
+        if features is not None:
+            recorded.append(Recorded(features, weight, parent, before, smallest))
+        parent = np.arange(root.size)
+    else:
+        ends.append((root, weight, smallest, lineage))
+    at = np.concatenate([e[0] for e in ends])
+    order = np.argsort(at, kind="stable")
+    weights, values, lineages = (np.concatenate([e[j] for e in ends])[order] for j in (1, 2, 3))
+    return Driven(events, hits, steps, begun, at[order], weights, values, lineages, tuple(recorded))
+
+
+def joined(parts: Sequence[Driven]) -> Driven:
+    """What consecutive parts of the roots came to, as one: to the bit what all of them driven together come to, but
+    for the order of the rows of `record`."""
+    first = np.cumsum([0] + [part.events.shape[0] for part in parts])
+    columns = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("events", "hits", "steps", "begun", "weight", "value", "lineage")
+    }
+    root = np.concatenate([part.root + at for part, at in zip(parts, first[:-1], strict=True)])
+    depth = max(len(part.record) for part in parts)
+    record, shift = [], [0] * len(parts)
+    for k in range(depth):
+        rows = [part.record[k] for part in parts if len(part.record) > k]
+        moved = [
+            np.where(part.record[k].parent < 0, -1, part.record[k].parent + shift[i])
+            for i, part in enumerate(parts)
+            if len(part.record) > k
+        ]
+        record.append(
+            Recorded(
+                features=np.concatenate([r.features for r in rows]),
+                weight=np.concatenate([r.weight for r in rows]),
+                parent=np.concatenate(moved),
+                before=np.concatenate([r.before for r in rows]),
+                after=np.concatenate([r.after for r in rows]),
+            )
+        )
+        sizes = [part.record[k].weight.size if len(part.record) > k else 0 for part in parts]
+        shift = [int(s) for s in np.cumsum([0, *sizes[:-1]])]
+    return Driven(root=root, record=tuple(record), **columns)
+
+
+def replay(
+    process: Process[Any],
+    x: Array,
+    seeds: NDArray[np.uint64],
+    lineage: NDArray[np.uint64],
+    checkpoints: Sequence[int],
+) -> Any:
+    """The last states of paths driven again by the keys of their segments (n, T), without splitting: to the same
+    bits."""
+    states = process.begin(x, seeds)
+    for k in range(len(checkpoints) - 1):
+        states = process.advance(states, lineage[:, k], checkpoints[k + 1])
+    return states
+
+
+def _copies(
+    process: Process[Any],
+    states: Any,
+    rows: NDArray[np.intp],
+    weight: Array,
+    key: NDArray[np.uint64],
+    smallest: Array,
+    plan: Plan,
+    committor: Committor,
+    checkpoint: int,
+) -> tuple[Rows, Array]:
+    """How often each of these paths goes on (k,), and the weight (k,) of each of its copies."""
+    copies, new = np.ones(rows.size, dtype=np.int64), weight[rows].copy()
+    open_ = np.flatnonzero(~(smallest[rows] <= plan.gamma))
+    if open_.size == 0:
+        return copies, new
+    at = rows[open_]
+    features = process.features(process.take(states, at))
+    target = plan.target(plan.log_importance(committor, features), checkpoint)
+    w, u = weight[at], keys.splitting_uniform(key[at])
+    ratio = w / target
+    into = np.minimum(ratio, MOST)
+    split, light = ratio > SPLIT, ratio < ROULETTE
+    copies[open_] = np.where(split, np.floor(into + u), np.where(light, u < ratio, 1)).astype(np.int64)
+    new[open_] = np.where(split, w / into, np.where(light, target, w))
+    return copies, new
+
+
+def _count(
+    events: Array, hits: Rows, root: Rows, weight: Array, before: Array, after: Array, levels: Array
+) -> None:
+    """Add the paths that came to a level between two checkpoints."""
+    for j, level in enumerate(levels):
+        new = np.flatnonzero((after <= level) & ~(before <= level))
+        np.add.at(events[:, j], root[new], weight[new])
+        np.add.at(hits[:, j], root[new], 1)
