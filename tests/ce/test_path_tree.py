@@ -41,10 +41,8 @@ def batch(problem, committor, seed, iteration=0):
 
 @pytest.mark.parametrize("wrong", [False, True], ids=["good", "bad"])
 def test_the_weighted_events_are_unbiased_whatever_the_committor(wrong):
-    p = (
-        np.array([batch(PROBLEM, Straight(wrong), 7, k)[1].events[:, 1].sum() for k in range(60)])
-        / CANDIDATES
-    )
+    driven = [batch(PROBLEM, Straight(wrong), 7, k)[1] for k in range(60)]
+    p = np.array([d.events[:, 1].sum() for d in driven]) / CANDIDATES
     assert abs(p.mean() - PROBLEM.p) < 4.0 * p.std(ddof=1) / np.sqrt(p.size)
     if not wrong:
         paths = np.mean([d.steps.sum() for d in driven]) / 100
