@@ -8,6 +8,7 @@ import polars as pl
 
 from service.evaluation.job import Problem
 from service.world import agents as A
+from service.world.scenario.noise import Noise
 from service.world.sim.rollout import Rollout, Simulator
 from service.world.sim.world import World
 
@@ -90,7 +91,7 @@ class _Recorder:
             self.actions.append(action)
 
 
-def record(problem: Problem, simulator: Simulator, x: np.ndarray, noise_seed: int) -> Trace:
+def record(problem: Problem, simulator: Simulator, x: np.ndarray, noise_seed: Noise) -> Trace:
     """Run the rollout of x (d,) and its noise seed once more, and record it."""
     recorder = _Recorder()
     rollout = simulator.run(x, noise_seed, recorder)

@@ -18,6 +18,7 @@ from service.evaluation.job import Job, Problem
 from service.evaluation.pool import OUTCOME_NAMES
 from service.evaluation.store import ChunkSource
 from service.evaluation.summary import Ending
+from service.world.scenario.noise import Noise
 
 BatchKey = tuple[str, int]  # phase, iteration
 
@@ -80,13 +81,15 @@ class JobRecord:
         """Rollouts at most."""
         return self.problem.algorithm.total_rollouts
 
-    def redraw(self, phase: str, iteration: int, row: int) -> tuple[np.ndarray, int]:
+    def redraw(self, phase: str, iteration: int, row: int) -> tuple[np.ndarray, Noise]:
         """x (d,) and the noise seed of an event or a failure, drawn again just as its batch was."""
         return self.redraw_all(phase, [(iteration, row)])[0]
 
-    def redraw_all(self, phase: str, keys: Sequence[tuple[int, int]]) -> list[tuple[np.ndarray, int]]:
+    def redraw_all(self, phase: str, keys: Sequence[tuple[int, int]]) -> list[tuple[np.ndarray, Noise]]:
         """x (d,) and the noise seed of many, by (iteration, row): rows of one block of the stream are drawn at once."""
-        found = {key: self.explicit[phase, *key][:2] for key in keys if (phase, *key) in self.explicit}
+        found: dict[tuple[int, int], tuple[np.ndarray, Noise]] = {
+            key: self.explicit[phase, *key][:2] for key in keys if (phase, *key) in self.explicit
+        }
         blocks: dict[tuple[int, int], list[int]] = {}
         for iteration, row in keys:
             if (iteration, row) not in found:
@@ -118,7 +121,7 @@ class JobRecord:
     def failures(self, limit: int) -> list[FailedRollout]:
         """The first failed rollouts, with the noise seeds that bring them back."""
         return [
-            FailedRollout(phase, k, row, self.redraw(phase, k, row)[1], reason)
+            FailedRollout(phase, k, row, int(self.redraw(phase, k, row)[1]), reason)
             for phase, k, row, reason in self.errors[:limit]
         ]
 

@@ -14,9 +14,10 @@ from service.evaluation.job import Job, Problem
 from service.evaluation.parent import end_with_parent
 from service.evaluation.processes import context_for
 from service.world.egos.here import HERE
+from service.world.scenario.noise import Noise
 
 
-def export_bytes(job: Job, x: np.ndarray, noise_seed: int, title: str, form: str) -> bytes:
+def export_bytes(job: Job, x: np.ndarray, noise_seed: Noise, title: str, form: str) -> bytes:
     """The rollout of x (d,) and its noise seed in one of the forms of SUFFIXES.
 
     Raises InputError for another form, SimulationError where the rollout fails, and WorkerError where its process ends.
@@ -40,11 +41,11 @@ def export_bytes(job: Job, x: np.ndarray, noise_seed: int, title: str, form: str
         return path.read_bytes()
 
 
-def _export(job: Job, x: np.ndarray, noise_seed: int, title: str, files: Exports) -> None:
+def _export(job: Job, x: np.ndarray, noise_seed: Noise, title: str, files: Exports) -> None:
     write_exports(Problem(job), x, noise_seed, title, files)
 
 
-def _look(job: Job, x: np.ndarray, noise_seed: int, fcd: Path | None) -> Rerun:
+def _look(job: Job, x: np.ndarray, noise_seed: Noise, fcd: Path | None) -> Rerun:
     problem = Problem(job)
     with problem.simulator(fcd=fcd) as simulator:
         return rerun(problem, simulator, x, noise_seed)

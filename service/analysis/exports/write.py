@@ -11,6 +11,7 @@ from service.analysis.failures.scenario_file import scenario_text
 from service.analysis.trace import write_table
 from service.errors import SimulationError
 from service.evaluation.job import Problem
+from service.world.scenario.noise import Noise
 
 FORMATS = {  # what a client may ask for: media type and the file's suffix
     "scenario": ("application/toml", ".toml"),
@@ -40,7 +41,7 @@ class Exports:
 
 
 def write_exports(
-    problem: Problem, x: np.ndarray, noise_seed: int, title: str, files: Exports, camera: bool = True
+    problem: Problem, x: np.ndarray, noise_seed: Noise, title: str, files: Exports, camera: bool = True
 ) -> Rerun:
     """Run the rollout of x (d,) and its noise seed again and write the files; what it came to.
 
@@ -58,7 +59,7 @@ def write_forms(
     problem: Problem,
     again: Rerun,
     x: np.ndarray,
-    noise_seed: int,
+    noise_seed: Noise,
     title: str,
     files: Exports,
     camera: bool = True,
@@ -78,5 +79,5 @@ def write_forms(
     if files.mp4 is not None:
         from service.analysis.video import EgoView, write_video
 
-        view = EgoView(problem.job.scenario, problem.corridor, x, noise_seed) if camera else None
+        view = EgoView(problem.job.scenario, problem.corridor, x, int(noise_seed)) if camera else None
         write_video(trace, problem.corridor, files.mp4, title, view)

@@ -10,6 +10,7 @@ import ce
 from ce.weights import normalised
 from service.errors import InputError
 from service.evaluation.record import JobRecord
+from service.world.scenario.noise import Noise
 
 Order = Literal["likelihood", "weight", "f"]
 ORDERS: tuple[Order, ...] = get_args(Order)
@@ -48,8 +49,8 @@ class Events:
             raise InputError(f"no order named {order!r}; there are {', '.join(keys)}")
         return np.lexsort((self.rows, self.iterations, keys[order]))
 
-    def drawn(self, positions: Iterable[int]) -> list[tuple[np.ndarray, int]]:
-        """x (d,) and noise seed of some of them, drawn again just as their batches were."""
+    def drawn(self, positions: Iterable[int]) -> list[tuple[np.ndarray, Noise]]:
+        """x (d,) and noise of some of them, drawn again just as their batches were."""
         keys = [(int(self.iterations[i]), int(self.rows[i])) for i in positions]
         return self.record.redraw_all(self.phase, keys)
 

@@ -13,10 +13,11 @@ from service.analysis.trace import Trace, record
 from service.evaluation.job import Job, Problem
 from service.evaluation.process_pool import ProcessPool, TaskKind
 from service.evaluation.processes import context_for
+from service.world.scenario.noise import Noise
 from service.world.sim.rollout import Simulator
 
 AT_ONCE = 8  # rollouts that a worker is given at once
-Draw = tuple[np.ndarray, int]  # x (d,) and the noise seed
+Draw = tuple[np.ndarray, Noise]  # x (d,) and its noise
 Wanted = list[tuple[int, Draw, bool]]  # number, draw, and whether its trace is wanted
 Open = Callable[[Job], AbstractContextManager["Rerunner"]]  # a rerunner of a job, for as long as it is needed
 
@@ -112,7 +113,7 @@ def _lost(part: Wanted) -> list[Rerun]:
 RERUNS = TaskKind(_run, _each, _all, _lost)
 
 
-def rerun(problem: Problem, simulator: Simulator, x: np.ndarray, noise_seed: int) -> Rerun:
+def rerun(problem: Problem, simulator: Simulator, x: np.ndarray, noise_seed: Noise) -> Rerun:
     """One rollout, looked at in this process."""
     trace = record(problem, simulator, x, noise_seed)
     result = trace.rollout

@@ -5,9 +5,10 @@ import numpy as np
 
 from service.evaluation.job import Problem
 from service.world.scenario.fixed import fixed_of, toml_of
+from service.world.scenario.noise import Noise
 
 
-def scenario_text(problem: Problem, x: np.ndarray, noise_seed: int, f: float, title: str) -> str:
+def scenario_text(problem: Problem, x: np.ndarray, noise_seed: Noise, f: float, title: str) -> str:
     """The text of a scenario file that holds the rollout of x (d,) and its noise seed; f: what it came to, in s."""
     job = problem.job
     fixed = msgspec.structs.replace(

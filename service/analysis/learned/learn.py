@@ -68,7 +68,8 @@ def _from_search(
     """Draws of the proposal, or the dangerous rollouts, with their weights."""
     if proposal is not None:
         x, noise_seeds = ce.draw(proposal, STREAM, "estimate", 1, 0, count)
-        return list(zip(x, noise_seeds.tolist(), strict=True)), np.ones(count)
+        drawn: list[Draw] = list(zip(x, noise_seeds.tolist(), strict=True))
+        return drawn, np.ones(count)
     n = min(len(events), count)
     if events.phase == CHAINS:
         at = np.unique(np.linspace(0, len(events) - 1, n).round().astype(np.int64)) if n else np.arange(0)

@@ -19,6 +19,7 @@ from service.world.scenario import load_scenario
 from service.world.scenario.check import check_road
 from service.world.scenario.fixed import fixed_draw, released
 from service.world.scenario.measures import measure_kind, unit_at
+from service.world.scenario.noise import Noise
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 
@@ -63,7 +64,8 @@ def command(
     problem = Problem(make_job(released(loaded), ego, gamma=0.0, method="naive", seed=seed, options={}))
     if fixed is None:
         drawn, seeds = ce.draw(problem.base, seed, "estimate", 0, 0, 1)
-        x, noise_seed = drawn[0], int(seeds[0])
+        x = drawn[0]
+        noise_seed: Noise = int(seeds[0])
     else:
         x, noise_seed = fixed_draw(problem.base, fixed, problem.job.weights_sha256, scenario)
     with problem.simulator(fcd=fcd, gui=sumo_gui) as simulator:
@@ -78,7 +80,7 @@ def command(
     if video is not None or frames is not None:
         from service.analysis.video import EgoView, write_frames, write_video
 
-        view = EgoView(problem.job.scenario, problem.corridor, x, noise_seed)
+        view = EgoView(problem.job.scenario, problem.corridor, x, int(noise_seed))
         title = f"{scenario}, ego {ego}, seed {seed}"
         if video is not None:
             write_video(trace, problem.corridor, video, title, view)

@@ -25,6 +25,7 @@ from service.remote.api.records import Records, State
 from service.remote.api.requests import AskExport, AskFailures, AskRollout
 from service.remote.api.reruns import Reruns
 from service.remote.api.results import finite
+from service.world.scenario.noise import Noise
 
 
 class DangerousAnswers:
@@ -125,11 +126,11 @@ class DangerousAnswers:
         )
 
     def _camera(
-        self, record: JobRecord, again: Rerun, x: np.ndarray, noise_seed: int, count: int
+        self, record: JobRecord, again: Rerun, x: np.ndarray, noise_seed: Noise, count: int
     ) -> tuple[CameraPicture, ...] | None:
         if again.trace is None:
             return None
-        view = EgoView(record.job.scenario, record.problem.corridor, x, noise_seed)
+        view = EgoView(record.job.scenario, record.problem.corridor, x, int(noise_seed))
         time_s = again.trace.time_s
         return tuple(
             CameraPicture(state=k, time_s=float(time_s[k]), jpeg=base64.b64encode(jpeg).decode("ascii"))

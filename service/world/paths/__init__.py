@@ -1,7 +1,7 @@
 """Rollouts as paths: states that are copied and driven on with other noise, and what is to be seen in them.
 
 states.py      the state of many rollouts between two steps
-streams.py     the random numbers of a segment, from its key
+noise.py       what drivers do in a segment, from its key
 begin.py       states at the start, from draws of P0
 drive.py       states driven on to a later step
 lineage.py     the draw and the noise that a path stands for, so that it can be driven again as a whole

@@ -3,10 +3,11 @@
 import numpy as np
 
 from policies.jit import kernel
-from service.world.paths.noise import REDRAWN, happens_on
+from service.world.paths.noise import happens_on
 from service.world.sim import step
 from service.world.sim.latent import CHANNELS
 from service.world.sim.segment import drive_on
+from service.world.sim.streams import REDRAWN
 
 
 @kernel

@@ -15,7 +15,6 @@ import numpy as np
 from policies.exactmath import exp, log, normal_quantile
 from policies.jit import kernel
 from service.world.paths.states import BEFORE, LAST
-from service.world.paths.streams import fill_normals, uniform, words
 from service.world.scenario.causes import GLANCE_DURATION_S, GLANCE_LEAK, GLANCE_ONSET_S, GRID, share_long
 from service.world.scenario.schema import Scenario
 from service.world.sim.latent import (
@@ -26,8 +25,7 @@ from service.world.sim.latent import (
     next_noise,
     recursion,
 )
-
-REDRAWN = 3  # causes of a vehicle that a segment draws anew: onset, duration, leak
+from service.world.sim.streams import REDRAWN, fill_normals, uniform, words
 
 
 @kernel

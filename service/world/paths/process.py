@@ -7,11 +7,12 @@ from policies.drivers import DriverModel
 from service.world.paths.begin import begin, layout_of
 from service.world.paths.drive import drive_all
 from service.world.paths.features import features_of
-from service.world.paths.lineage import Lineage, drawn
+from service.world.paths.lineage import draw_of
 from service.world.paths.noise import constants_of
 from service.world.paths.states import States, empty_states
 from service.world.scenario.base import base_distribution
 from service.world.scenario.causes import GRID
+from service.world.scenario.noise import PathNoise
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
 from service.world.sim.rollout import OUTCOMES
@@ -88,9 +89,15 @@ class HighwayPaths:
         )  # fmt: skip
         return s
 
-    def drawn(self, x: np.ndarray, lineage: Lineage) -> tuple[np.ndarray, np.ndarray]:
-        """The draw and the normals of a whole path; x (d,) of its root."""
-        return drawn(self._scenario, self._layout, self._latent, x, lineage)
+    def drawn(self, x: np.ndarray, seed: int, keys: np.ndarray) -> tuple[np.ndarray, PathNoise]:
+        """The draw and the noise of a whole path, for any world to drive.
+
+        x (d,), seed: of its root
+        keys: (segments,) uint64 of its segments, 0 where it had ended before
+        """
+        own = [int(k) for k in keys[: max(np.count_nonzero(keys), 1)]]
+        noise = PathNoise(seed, self.checkpoints[: len(own)], tuple(own))
+        return draw_of(self._scenario, self._layout, self._latent, x, noise), noise
 
     def outcome_name(self, status: int) -> str:
         return OUTCOMES[status]

@@ -6,10 +6,11 @@ import re
 import numpy as np
 
 from policies.layout import HEAD_SIZE
-from service.errors import ScenarioError
+from service.errors import InputError, ScenarioError
 from service.world.scenario.check_camera import Refuse, check_camera
 from service.world.scenario.check_human import check_human, check_lateral, steepest
 from service.world.scenario.measures import split_measure
+from service.world.scenario.noise import noise_of
 from service.world.scenario.schema import (
     Beta,
     Distribution,
@@ -195,9 +196,10 @@ def _check_noise_mode(scenario: Scenario, refuse: Refuse) -> None:
 
 
 def _check_fixed(scenario: Scenario, fixed: Fixed, refuse: Refuse) -> None:
-    digits = fixed.noise_seed
-    if not re.fullmatch(r"[0-9]{1,20}", digits) or int(digits) >= 2**64:
-        refuse("fixed.noise_seed", digits, "give a whole number from 0 to 2**64 - 1 as text, in quotes")
+    try:
+        noise_of(fixed.noise_seed)
+    except InputError as error:
+        refuse("fixed.noise_seed", fixed.noise_seed[:80], f"{error}; as text, in quotes")
     given, wanted = [s.name for s in fixed.starts], [v.name for v in scenario.vehicles]
     if sorted(given) != sorted(wanted):
         refuse("fixed.starts", given, f"give one start for each vehicle: {', '.join(wanted)}")

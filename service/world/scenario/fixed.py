@@ -16,13 +16,14 @@ import tomli_w
 import ce
 from policies.layout import HEAD_SIZE
 from service.errors import ScenarioError
+from service.world.scenario.noise import Noise, noise_of
 from service.world.scenario.renamed import to_written
 from service.world.scenario.schema import Fixed, FixedStart, Scenario
 
 STARTS = tuple(key for key in FixedStart.__struct_fields__ if key != "name")
 
 
-def fixed_of(scenario: Scenario, base: ce.Product, x: np.ndarray, noise_seed: int) -> Fixed:
+def fixed_of(scenario: Scenario, base: ce.Product, x: np.ndarray, noise_seed: Noise) -> Fixed:
     """The fixed rollout that x (d,), a draw from P0, and its noise seed stand for."""
     values = dict(zip(_names(base), x.tolist(), strict=True))
     starts = tuple(
@@ -33,7 +34,7 @@ def fixed_of(scenario: Scenario, base: ce.Product, x: np.ndarray, noise_seed: in
     return Fixed(noise_seed=str(noise_seed), starts=starts, driver_weights=weights, others=values)
 
 
-def fixed_draw(base: ce.Product, fixed: Fixed, weights_sha256: str, source: str) -> tuple[np.ndarray, int]:
+def fixed_draw(base: ce.Product, fixed: Fixed, weights_sha256: str, source: str) -> tuple[np.ndarray, Noise]:
     """x (d,) and the noise seed of the fixed rollout.
 
     ScenarioError where it lacks one of P0's values, or is of other driver weights than `weights_sha256`.
@@ -62,7 +63,7 @@ def fixed_draw(base: ce.Product, fixed: Fixed, weights_sha256: str, source: str)
             )
     for name in sorted(values.keys() - set(names)):
         raise ScenarioError(source, f"fixed.others.{name}", values[name], "the scenario draws no such value")
-    return np.array([values[name] for name in names]), int(fixed.noise_seed)
+    return np.array([values[name] for name in names]), noise_of(fixed.noise_seed)
 
 
 def _names(base: ce.Product) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ import numpy as np
 
 from service.closing import Closing
 from service.errors import SimulationError
+from service.world.scenario.noise import Noise
 from service.world.sim.rollout import Rollout, Simulator
 from service.world.sim.without_sumo import WithoutSumo
 
@@ -23,7 +24,7 @@ class Audited(Closing):
     def close(self) -> None:
         self._simulator.close()
 
-    def run(self, x: np.ndarray, noise_seed: int) -> Rollout:
+    def run(self, x: np.ndarray, noise_seed: Noise) -> Rollout:
         """The rollout of `x` (d,); SimulationError where the two worlds differ in a bit."""
         rollout = self._alone.run(x, noise_seed)
         if int(noise_seed) % EVERY == 0:

@@ -16,11 +16,13 @@ from service.world.safety.contact import Contact, contact_of
 from service.world.safety.measure import open_monitor
 from service.world.scenario.base import causes, searched_action_noise, unpack
 from service.world.scenario.causes import REACTION_S
+from service.world.scenario.noise import Noise, PathNoise
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
 from service.world.sim.human import traits_of
 from service.world.sim.latent import Latent
 from service.world.sim.road import road_of
+from service.world.sim.streams import normals_of
 from service.world.sim.sumo import SumoSession
 from service.world.sim.sumo_background import BackgroundTraffic
 from service.world.sim.world import DriverNetwork, World, action_noise
@@ -56,12 +58,12 @@ class Rollout:
 
 
 def seed_and_action_noise(
-    scenario: Scenario, x: np.ndarray, noise_seed: int, vehicles: int, given: np.ndarray | None = None
+    scenario: Scenario, x: np.ndarray, noise_seed: Noise, vehicles: int, given: np.ndarray | None = None
 ) -> tuple[int, np.ndarray]:
     """The rollout's seed, and its action noise as standard normals.
 
     x: (d,) a draw from P0
-    noise_seed: of the rollout; one for all where the scenario's noise mode is "frozen"
+    noise_seed: of the rollout; one for all where the scenario's noise mode is "frozen"; that of a path counts as given
     given: (steps, vehicles, channels) action noise to use as it is; None: from x where the noise mode is "searched",
     else from
         the seed
@@ -70,6 +72,8 @@ def seed_and_action_noise(
     shape.
     """
     mode = scenario.drivers.noise_mode
+    if isinstance(noise_seed, PathNoise) and given is None:
+        given = normals_of(noise_seed, scenario.steps, vehicles, scenario.noise_channels)
     seed = FROZEN_NOISE_SEED if mode == "frozen" and given is None else int(noise_seed)
     if given is not None:
         normals = given
@@ -93,7 +97,7 @@ class Draw:
         self._latent = None if scenario.human is None else Latent(scenario)
 
     def begin(
-        self, world: World, x: np.ndarray, noise_seed: int, given: np.ndarray | None = None
+        self, world: World, x: np.ndarray, noise_seed: Noise, given: np.ndarray | None = None
     ) -> tuple[int, np.ndarray]:
         """Put the vehicles of `world` at their starts; the arguments as `seed_and_action_noise` has them.
 
@@ -221,7 +225,7 @@ class Simulator:
     def run(
         self,
         x: np.ndarray,
-        noise_seed: int = 0,
+        noise_seed: Noise = 0,
         observer: Observer | None = None,
         *,
         action_noise: np.ndarray | None = None,
@@ -239,7 +243,7 @@ class Simulator:
             return Rollout(math.nan, "error", 0, f"{type(error).__name__}: {error}")
 
     def _run(
-        self, x: np.ndarray, noise_seed: int, observer: Observer | None, given: np.ndarray | None
+        self, x: np.ndarray, noise_seed: Noise, observer: Observer | None, given: np.ndarray | None
     ) -> Rollout:
         world, ego, sumo, monitor = self._world, self._ego, self._sumo, self._monitor
         seed, happens = self._draw.begin(world, x, noise_seed, given)

@@ -19,6 +19,7 @@ from service.closing import Closing
 from service.errors import InputError
 from service.world.safety.contact import contact_of
 from service.world.safety.impact import time_or_impact
+from service.world.scenario.noise import Noise
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
 from service.world.sim.human import traits_of
@@ -131,7 +132,7 @@ class WithoutSumo(Closing):
     def close(self) -> None:
         """Nothing is held."""
 
-    def run(self, x: np.ndarray, noise_seed: int = 0, *, action_noise: np.ndarray | None = None) -> Rollout:
+    def run(self, x: np.ndarray, noise_seed: Noise = 0, *, action_noise: np.ndarray | None = None) -> Rollout:
         """The rollout of `x` (d,), with the same bits as `Simulator.run`."""
         world, net = self._world, self._network
         _, happens = self._draw.begin(world, x, noise_seed, action_noise)

@@ -15,6 +15,7 @@ from service.evaluation.job import Problem, make_job
 from service.front.cli import main
 from service.world.scenario import load_scenario
 from service.world.scenario.fixed import fixed_draw, released
+from service.world.scenario.noise import PathNoise, noise_of
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +47,28 @@ def test_the_rollout_comes_back_to_the_bit(held):
     assert done.exit_code == 0, done.output
     told = json.loads(done.stdout)
     assert (told["f"], told["ego"], told["same_to_the_bit"]) == (f, "idm", True)
+
+
+def test_the_noise_of_a_path_comes_back_to_the_bit(held, tmp_path):
+    """Its parts have seeds of their own, and the file says where each begins."""
+    _, problem, _ = held
+    x, _ = ce.draw(problem.base, 5, "estimate", 0, 3, 4)
+    noise = PathNoise(2**64 - 1, (0, 5, 20), (3, 2**63 + 5, 4))
+    with problem.simulator() as simulator:
+        rollout = simulator.run(x[0], noise)
+        assert rollout.f != simulator.run(x[0], noise.seed).f
+    path = tmp_path / "path.toml"
+    path.write_text(scenario_text(problem, x[0], noise, rollout.f, "a path"))
+    told = json.loads(CliRunner().invoke(main, ["rollout", str(path), "--json"]).stdout)
+    assert (told["f"], told["same_to_the_bit"]) == (rollout.f, True)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "x", str(2**64), "1/", "1/5:3", "1/0:3/0:4", "1/0:x", "1/0:99999999999999999999"]
+)
+def test_noise_that_is_none_is_refused(text):
+    with pytest.raises(InputError, match="give a whole number"):
+        noise_of(text)
 
 
 def test_a_changed_value_makes_another_rollout(held, tmp_path):

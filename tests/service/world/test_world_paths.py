@@ -8,11 +8,11 @@ from scipy.stats import kstest
 
 import ce
 from service.evaluation.job import Problem, make_job
-from service.world.paths.lineage import Lineage
 from service.world.paths.process import HighwayPaths
-from service.world.paths.streams import words
 from service.world.scenario import load_scenario
+from service.world.scenario.noise import noise_of
 from service.world.sim.rollout import OUTCOMES
+from service.world.sim.streams import words
 from service.world.sim.without_sumo import WithoutSumo
 from service.world.sim.world import action_noise
 
@@ -83,10 +83,10 @@ def test_segments_one_after_another_are_the_rollout_driven_with_all_their_noise(
     outcomes = set()
     with problem.simulator() as simulator:
         for i in range(n):
-            lineage = Lineage(process.checkpoints[:-1], tuple(int(k) for k in keys[i]))
-            draw, noise = process.drawn(x[i], lineage)
+            draw, noise = process.drawn(x[i], 7, keys[i])
+            assert noise_of(str(noise)) == noise
             for world in (alone, simulator):
-                whole = world.run(draw, 7, action_noise=noise)
+                whole = world.run(draw, noise)
                 assert (whole.f, whole.outcome, whole.steps) == (
                     states.smallest[i],
                     OUTCOMES[states.status[i]],
@@ -102,8 +102,8 @@ def test_a_path_draws_anew_the_glance_that_has_not_begun_and_keeps_the_one_that_
     x, _ = ce.draw(problem.base, 1, "estimate", 0, 0, 2)
     onset = names.index("env4.glance_onset_s")
     x[0, onset], x[1, onset] = 0.3, 0.7
-    lineage = Lineage((0, 5), (11, 12))
-    (begun, _), (ahead, _) = process.drawn(x[0], lineage), process.drawn(x[1], lineage)
+    keys = np.array([11, 12], np.uint64)
+    (begun, _), (ahead, _) = process.drawn(x[0], 1, keys), process.drawn(x[1], 1, keys)
     assert begun[onset] == x[0, onset]
     assert ahead[onset] != x[1, onset]
     assert ahead[onset] >= 0.5
@@ -117,11 +117,8 @@ def test_causes_and_noise_of_paths_have_the_law_of_p0():
     names = list(problem.base.names or ())
     n, rng = 400, np.random.default_rng(8)
     x, _ = ce.draw(problem.base, 2, "estimate", 0, 0, n)
-    begins = process.checkpoints[:-1]
-    keys = rng.integers(0, 2**64, (n, len(begins)), dtype=np.uint64).tolist()
-    found = np.array(
-        [process.drawn(row, Lineage(begins, tuple(own)))[0] for row, own in zip(x, keys, strict=True)]
-    )
+    keys = rng.integers(0, 2**64, (n, len(process.checkpoints) - 1), dtype=np.uint64)
+    found = np.array([process.drawn(row, 1, own)[0] for row, own in zip(x, keys, strict=True)])
     for kind in (
         "glance_onset_s",
         "glance_duration_s",

@@ -9,11 +9,13 @@ import numpy as np
 
 from policies.exactmath import normal_quantile
 from policies.jit import kernel
+from service.world.scenario.noise import PathNoise
 
 _M0, _M1 = np.uint64(0xD2E7470EE14C6C93), np.uint64(0xCA5A826395121157)
 _W0, _W1 = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBB67AE8584CAA73B)
 _LOW, _32, _12 = np.uint64(0xFFFFFFFF), np.uint64(32), np.uint64(12)
 _ZERO = np.uint64(0)
+REDRAWN = 3  # causes of a vehicle that a segment draws anew: onset, duration, leak
 ROUNDS = 10
 CELL = 2.220446049250313e-16  # 2^-52
 
@@ -61,3 +63,19 @@ def fill_normals(words_: np.ndarray, out: np.ndarray) -> None:
     flat = out.reshape(out.size)
     for i in range(flat.size):
         flat[i] = normal_quantile(uniform(words_[i]))
+
+
+@kernel
+def _fill(key: np.uint64, skipped: int, out: np.ndarray) -> None:
+    drawn = np.empty(skipped + out.size, np.uint64)
+    words(key, drawn)
+    fill_normals(drawn[skipped:], out)
+
+
+def normals_of(noise: PathNoise, steps: int, vehicles: int, channels: int) -> np.ndarray:
+    """All standard normals (steps, vehicles, channels) of a path."""
+    skipped = REDRAWN * vehicles if channels > 2 else 0
+    out = np.empty((steps, vehicles, channels))
+    for begin, end, key in zip(noise.begins, (*noise.begins[1:], steps), noise.keys, strict=True):
+        _fill(np.uint64(key), skipped, out[begin:end])
+    return out
