@@ -23,6 +23,10 @@ class RolloutFiles(ABC):
         """SUMO's floating-car data (.xml)."""
         return self._write("fcd", path)
 
+    def trace(self, path: str | Path) -> Path:
+        """Every vehicle at every step (.parquet)."""
+        return self._write("table", path)
+
     @abstractmethod
     def _write(self, form: str, path: str | Path) -> Path:
         """Run the rollout again and write it in a form of `service.analysis.exports.SUFFIXES`."""

@@ -61,8 +61,8 @@ SUBMISSION = {"scenario": "i80-paper-10s", "ego": "idm", "gamma": 0.5, "method":
 KEYS = (
     "about", "health", "scenarios", "egos", "workers", "jobs", "jobs/{job}", "jobs/{job}/estimate", "jobs/{job}/curve",
     "jobs/{job}/iterations", "jobs/{job}/events", "jobs/{job}/pause", "jobs/{job}/resume", "jobs/{job}/failures",
-    "jobs/{job}/rollouts/0", "jobs/{job}/rollouts/x", "schemas/Job", "jobs/x", "jobs/x/estimate", "jobs/x/failures",
-    "jobs/x/rollouts/1", "jobs/x/cancel", "schemas/x",
+    "jobs/{job}/rollouts", "jobs/{job}/rollouts/0", "jobs/{job}/rollouts/x", "schemas/Job", "jobs/x", "jobs/x/estimate",
+    "jobs/x/failures", "jobs/x/rollouts/1", "jobs/x/cancel", "schemas/x",
     "comparison", "jobs/x/learned", "jobs/x/risk", "jobs/x/report", "jobs/x/report.json", "jobs/x/rollouts/1/export",
 )  # fmt: skip
 

@@ -18,8 +18,9 @@ FORMATS = {  # what a client may ask for: media type and the file's suffix
     "fcd": ("application/xml", ".xml"),
     "mp4": ("video/mp4", ".mp4"),
     "mcap": ("application/octet-stream", ".mcap"),
+    "table": ("application/vnd.apache.parquet", ".parquet"),
 }
-SUFFIXES = {form: suffix for form, (_, suffix) in FORMATS.items()} | {"table": ".parquet"}  # of every form
+SUFFIXES = {form: suffix for form, (_, suffix) in FORMATS.items()}
 
 
 @dataclass(frozen=True)

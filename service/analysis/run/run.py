@@ -173,10 +173,6 @@ class Replay(RolloutFiles):
         """Its safety value, on record."""
         return float(self.events.f[self.position])
 
-    def trace(self, path: str | Path) -> Path:
-        """Every vehicle at every step (.parquet)."""
-        return self._write("table", path)
-
     def _write(self, form: str, path: str | Path) -> Path:
         return write_file(Path(path), SUFFIXES[form], lambda: self._bytes(form))
 

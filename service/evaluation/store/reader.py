@@ -1,9 +1,9 @@
 """A fleet's job read like a job of a run directory: what replays and reports take."""
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 from service.evaluation.job import Job
-from service.evaluation.store.chunk import Chunk
+from service.evaluation.store.chunk import Chunk, Origin
 from service.evaluation.store.jobs import JobRow, JobStore
 
 
@@ -25,6 +25,12 @@ class JobReader:
     def all_chunks(self, job_id: str) -> Iterator[tuple[str, int, Chunk]]:
         """Every chunk as (phase, iteration, chunk)."""
         return self._store.chunks.all_chunks(self._row.id)
+
+    def from_chunk(
+        self, key: tuple[str, int, int, int]
+    ) -> Generator[tuple[str, int, Chunk, Origin], None, None]:
+        """Every chunk from (phase, iteration, start, epoch) on as (phase, iteration, chunk, origin)."""
+        return self._store.chunks.from_chunk(self._row.id, key)
 
     def other_draws(self, chunk: Chunk) -> None:
         """It is from before an earlier chunk was voided: the hub voids it when it opens the job."""

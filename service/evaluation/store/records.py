@@ -1,7 +1,7 @@
 """The chunks of a database: added once, read back to the bit."""
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 
 import sqlalchemy as sa
 from sqlalchemy.exc import SQLAlchemyError
@@ -49,6 +49,15 @@ class ChunkRecord:
     def with_origins(self, job: str) -> Iterator[tuple[str, int, Chunk, Origin]]:
         """Every chunk of a job as (phase, iteration, chunk, origin)."""
         for row in self.rows(job):
+            yield row.phase, row.iteration, chunk_of(row), Origin(row.worker, row.epoch)
+
+    def from_chunk(
+        self, job: str, key: tuple[str, int, int, int]
+    ) -> Generator[tuple[str, int, Chunk, Origin], None, None]:
+        """The chunks of a job from (phase, iteration, start, epoch) on, in the order of `with_origins`."""
+        ordered = (chunks.c.phase, chunks.c.iteration, chunks.c.start, chunks.c.epoch)
+        query = self._of(job).where(sa.tuple_(*ordered) >= sa.tuple_(*key)).order_by(*ordered)
+        for row in self._read(query):
             yield row.phase, row.iteration, chunk_of(row), Origin(row.worker, row.epoch)
 
     def digest(self, job: str) -> str:

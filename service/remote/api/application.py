@@ -23,6 +23,7 @@ from service.remote.api.records import Records
 from service.remote.api.requests import Nothing
 from service.remote.api.reruns import Reruns
 from service.remote.api.results import ResultAnswers
+from service.remote.api.rollouts import RolloutAnswers
 from service.remote.api.state import StateAnswers
 from service.remote.fleet.service import Fleet
 
@@ -63,7 +64,7 @@ class Application:
         self._reruns = Reruns(limits.rerun_procs, limits.rerun_jobs, limits.rerun_idle_s)
         dangerous = DangerousAnswers(records, self._background, limits, self._reruns)
         findings = FindingAnswers(records, self._background, limits, self._reruns)
-        self._parts = (self, self._state, jobs, results, dangerous, findings)
+        self._parts = (self, self._state, jobs, results, RolloutAnswers(fleet), dangerous, findings)
         self._requests = Bucket(limits.requests_per_s, limits.burst)
         self._submissions = Bucket(limits.submissions_per_s, limits.burst)
 

@@ -228,6 +228,22 @@ class Events(_Body, frozen=True):
     next: int | None
 
 
+class Rollouts(_Body, frozen=True):
+    """A page of the rollouts on record, as columns of the same length. row: of the batch (phase, iteration); f: null
+    where the rollout failed, for the reason in error; worker: who ran it; next: give it as `after` for the next page,
+    null: this was the last."""
+
+    phase: tuple[str, ...]
+    iteration: tuple[int, ...]
+    row: tuple[int, ...]
+    f: tuple[float | None, ...]
+    outcome: tuple[str, ...]
+    steps: tuple[int, ...]
+    error: tuple[str | None, ...]
+    worker: tuple[str | None, ...]
+    next: str | None
+
+
 class CameraPicture(_Body, frozen=True):
     """What the ego's camera saw. state: its place among the states of the trace; jpeg: the picture, base64."""
 

@@ -6,6 +6,7 @@ import msgspec
 from msgspec import Meta
 
 MAX_PAGE = 1000
+MAX_ROLLOUTS = 10_000  # of one page
 Seed = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 Share = Annotated[float, Meta(gt=0.0, lt=1.0)]
 PageSize = Annotated[int, Meta(ge=1, le=MAX_PAGE)]
@@ -54,6 +55,17 @@ class AskCurve(_Request, frozen=True):
     confidence: Share | None = None
 
 
+class RolloutsPage(_Request, frozen=True):
+    """Parameters of `jobs/ID/rollouts`.
+
+    after: `next` of the page before
+    limit: rollouts at most
+    """
+
+    after: Annotated[str, Meta(max_length=100)] = ""
+    limit: Annotated[int, Meta(ge=1, le=MAX_ROLLOUTS)] = 1000
+
+
 class AskFailures(_Request, frozen=True):
     """Parameters of `jobs/ID/failures`.
 
@@ -86,10 +98,10 @@ class AskExport(_Request, frozen=True):
     """Parameters of `jobs/ID/rollouts/ROW/export`.
 
     format: scenario (a scenario file that holds the rollout), fcd (SUMO's floating-car data), mp4 (a film), mcap (a
-        recording for viewers of robot logs)
+        recording for viewers of robot logs), table (every vehicle at every step, as Parquet)
     """
 
-    format: Literal["scenario", "fcd", "mp4", "mcap"]
+    format: Literal["scenario", "fcd", "mp4", "mcap", "table"]
     phase: Literal["estimate", "train"] = "estimate"
     iteration: Number | None = None
 

@@ -68,6 +68,7 @@ ROUTES = (
           O.Events),
     Route("jobs/{job}/failures", "Dangerous rollouts ranked and grouped into failure modes.", "failures",
           R.AskFailures, Failures),
+    Route("jobs/{job}/rollouts", "The rollouts on record, in pages.", "rollouts", R.RolloutsPage, O.Rollouts),
     Route("jobs/{job}/rollouts/{row}", "One rollout, run once more.", "rollout", R.AskRollout, O.RolloutView),
     Route("jobs/{job}/rollouts/{row}/export", "One rollout as a file for other programs.", "export", R.AskExport, None,
           media=tuple(media for media, _ in FORMATS.values())),

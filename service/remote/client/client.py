@@ -97,6 +97,18 @@ class Client(Closing):
         """The events that are kept."""
         return self._of(job, "events", O.Events, after=after, limit=limit)
 
+    def rollouts(self, job: str, after: str = "", limit: int = 10_000) -> O.Rollouts:
+        """A page of the rollouts on record."""
+        return self._of(job, "rollouts", O.Rollouts, after=after or None, limit=limit)
+
+    def all_rollouts(self, job: str) -> Iterator[O.Rollouts]:
+        """Every rollout on record, in pages."""
+        after: str | None = ""
+        while after is not None:
+            page = self.rollouts(job, after)
+            yield page
+            after = page.next
+
     def failures(self, job: str, limit: int = 20, by: str = "likelihood") -> "Failures":
         """The dangerous rollouts ranked and grouped; waits while the service runs them again."""
         from service.analysis.failures.objects import Failures
@@ -126,7 +138,7 @@ class Client(Closing):
     def export(
         self, job: str, row: int, form: str, phase: str = "estimate", iteration: int | None = None
     ) -> bytes:
-        """One rollout as a file: form is scenario, fcd, mp4 or mcap."""
+        """One rollout as a file: form is scenario, fcd, mp4, mcap or table."""
         return self._file(job, f"rollouts/{row}/export", format=form, phase=phase, iteration=iteration)
 
     def learned(self, job: str, rollouts: int = 100) -> "Learned":

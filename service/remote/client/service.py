@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
+import polars as pl
 
 from service.analysis.comparison.objects import Comparison
 from service.analysis.estimated import Estimated
@@ -15,6 +16,8 @@ from service.analysis.notebook import comparison_html, estimates_html
 from service.analysis.rollout_files import RolloutFiles
 from service.closing import Closing
 from service.errors import InputError, StoreError
+from service.evaluation.store.export import SCHEMA
+from service.remote.api.objects import Rollouts
 from service.remote.client.client import DEFAULT_ENDPOINT, Client
 
 Order = Literal["likelihood", "weight", "f"]
@@ -142,6 +145,14 @@ class RemoteRun:
             raise InputError(f"job {self.job} is {over.status}: {over.reason or 'no reason given'}")
         return self
 
+    def to_polars(self) -> pl.DataFrame:
+        """Every rollout on record, a row each: job, phase, iteration, row, f, outcome, steps, error, worker."""
+        pages = [
+            pl.DataFrame({"job": [self.job] * len(page.row)} | _columns(page), SCHEMA)
+            for page in self.client.all_rollouts(self.job)
+        ]
+        return pl.concat(pages)
+
     def failures(self, limit: int = 20, by: Order = "likelihood") -> Failures:
         """How the ego fails: the failure modes, and the first `limit` dangerous rollouts in the order asked for."""
         return self.client.failures(self.job, limit, by)
@@ -194,6 +205,11 @@ def as_sent(scenario: Any) -> str | dict[str, Any]:
     from service.world.scenario.load import read_toml
 
     return read_toml(Path(scenario), str(scenario))
+
+
+def _columns(page: Rollouts) -> dict[str, Any]:
+    """The columns of a page of rollouts."""
+    return {name: column for name, column in msgspec.structs.asdict(page).items() if name != "next"}
 
 
 def write_to(path: Path, content: bytes) -> Path:

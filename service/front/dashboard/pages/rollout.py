@@ -22,6 +22,7 @@ FORMATS = {
     "scenario": ("toml", "Scenario file that brings it back to the bit"),
     "fcd": ("xml", "SUMO floating-car data"),
     "mp4": ("mp4", "Film"),
+    "table": ("parquet", "Every vehicle at every step, as a table (Parquet)"),
     "mcap": ("mcap", "MCAP recording for Foxglove and others"),
 }
 

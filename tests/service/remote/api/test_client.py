@@ -7,12 +7,17 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from click.testing import CliRunner
 
+from service.evaluation.pool import OUTCOME_NAMES
+from service.evaluation.store.export import SCHEMA, table_of
 from service.front.cli.main import main
+from service.remote.api import rollouts
 from service.remote.api.requests import Submission
 from service.remote.client import Client, NoAnswer, Refused
+from service.remote.client.service import RemoteRun
 from service.world.scenario.load import parse_scenario
 from tests.service.remote.fleet.light import expected, formula, free_port
 
@@ -194,6 +199,55 @@ def test_a_service_gives_the_same_objects_as_this_machine(service, tmp_path) -> 
         with pytest.raises(tailroad.TailroadError, match="runs egos by name"):
             fleet.submit("i80-10s", object(), gamma=0.5)
     assert all(one.total == 300 for one in told)
+
+
+def test_every_rollout_comes_as_a_table_in_pages_of_any_size(service, client: Client) -> None:
+    run = RemoteRun(
+        client, client.submit("i80-paper-10s", 0.5, **JOB | {"method": "ce", "budget": 3000}, seed=14).id
+    )
+    table = run.wait().to_polars()
+    assert table.schema == pl.Schema(SCHEMA)
+    chunks = service.light.store.chunks.with_origins(run.job)
+    assert table.equals(table_of({run.job: chunks}, OUTCOME_NAMES))
+    assert table.height == run.estimate.rollouts.total == 3000
+    assert table["f"].null_count() == table["error"].count() > 0
+    for limit in (97, 1000, 3000):
+        rows, after = [], ""
+        while after is not None:
+            page = client.rollouts(run.job, after, limit)
+            assert len(page.row) <= limit
+            rows += zip(page.phase, page.iteration, page.row, page.f, strict=True)
+            after = page.next
+        assert rows == list(table.select("phase", "iteration", "row", "f").iter_rows())
+
+
+def test_a_page_ends_early_where_many_rollouts_tell_long_reasons(
+    monkeypatch, service, client: Client
+) -> None:
+    job = client.submit("i80-paper-10s", 0.5, **JOB | {"budget": 3000}, seed=15).id
+    client.wait(job)
+    whole = client.rollouts(job)
+    monkeypatch.setattr(rollouts, "ERROR_CHARACTERS", 1)
+    first = client.rollouts(job)
+    assert 0 < len(first.row) < len(whole.row)
+    assert first.error[-1] is not None
+    assert not any(first.error[:-1])
+    assert [row for page in client.all_rollouts(job) for row in page.row] == list(whole.row)
+
+
+@pytest.mark.parametrize(
+    "after", ["x", "train,1,2", "train,1,2,3,4,5", "train,-1,0,0,0", "train,1,0,0,9999999999999999999999"]
+)
+def test_a_place_that_no_page_told_is_refused_by_name(client: Client, service, after: str) -> None:
+    job = client.submit("i80-paper-10s", 0.5, **JOB, seed=15).id
+    with pytest.raises(Refused, match="`next` of the page before"):
+        client.rollouts(job, after)
+
+
+def test_a_replay_of_a_service_has_its_trace_as_a_table(client: Client, tmp_path: Path) -> None:
+    run = RemoteRun(client, client.submit("i80-paper-10s", 0.5, **JOB | {"budget": 16}, seed=13).id).wait()
+    trace = pl.read_parquet(run.replay(1).trace(tmp_path / "worst.parquet"))
+    assert {"time_s", "vehicle", "speed_mps"} <= set(trace.columns)
 
 
 @pytest.mark.parametrize("by_command", [True, False])
