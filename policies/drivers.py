@@ -5,7 +5,7 @@
 
 A weights file is a safetensors file with the arrays of `DriverModel` and, beside it, a JSON card of the same name
 that says what the weights were trained on and how well they drive. An ego network is stored in the same way; its
-`sigma0` is zero and its head's last two columns are unused.
+`sigma0` is zero and its head's last two columns are unused, and its file says whether it has emergency braking.
 """
 
 import functools
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from safetensors import SafetensorError
+from safetensors import SafetensorError, safe_open
 from safetensors.numpy import load_file, save_file
 
 from policies.layout import HEAD_SIZE, HIDDEN_1, HIDDEN_2, OBSERVATION_SIZE
@@ -32,6 +32,7 @@ _SHAPES: dict[str, tuple[tuple[int, ...], type]] = {
     "action_scale": ((2,), np.float64),
 }
 _LOWER = "sigma0_lower"  # Sigma0 is symmetric: its lower triangle is stored, row by row
+_EMERGENCY = "emergency"  # in the file's metadata
 _STORED = ("w1", "b1", "w2", "b2", "mu0", _LOWER, "action_scale")
 
 
@@ -48,6 +49,8 @@ class DriverModel:
     m/s^2 and rad/s.
 
     card: the JSON card
+    emergency: of an ego, whether braking and moving over in an emergency stand beside the network
+        (policies.egos.emergency)
     """
 
     w1: np.ndarray
@@ -58,6 +61,7 @@ class DriverModel:
     sigma0: np.ndarray
     action_scale: np.ndarray
     card: dict[str, Any]
+    emergency: bool = False
 
 
 def shipped() -> list[str]:
@@ -77,6 +81,8 @@ def _load(path: Path, _changed_ns: int, _size: int) -> DriverModel:
     """The model of a file in the state that its time and size stand for."""
     try:
         arrays = load_file(path)
+        with safe_open(path, "np") as file:
+            said = file.metadata() or {}
     except (SafetensorError, OSError) as error:
         raise WeightsError(
             f"{path}: not a readable safetensors file ({error}); train one with 'tailroad train drivers'"
@@ -94,18 +100,24 @@ def _load(path: Path, _changed_ns: int, _size: int) -> DriverModel:
     sigma0[np.tril_indices(HEAD_SIZE)] = lower
     sigma0 += np.tril(sigma0, -1).T
     arrays["sigma0"] = sigma0
-    return _checked(path, arrays, _card(path))
+    return _checked(path, arrays, _card(path), said.get(_EMERGENCY) == "yes")
 
 
-def save_drivers(path: Path | str, arrays: dict[str, np.ndarray], card: dict) -> Path:
-    """Write the arrays of a `DriverModel` and its card; returns the path of the weights."""
+def save_drivers(
+    path: Path | str, arrays: dict[str, np.ndarray], card: dict, emergency: bool = False
+) -> Path:
+    """Write the arrays of a `DriverModel` and its card; returns the path of the weights.
+
+    emergency: see `DriverModel`
+    """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     stored: dict[str, np.ndarray] = {
         key: np.ascontiguousarray(value, dtype=_SHAPES[key][1]) for key, value in arrays.items()
     }
     stored[_LOWER] = stored.pop("sigma0")[np.tril_indices(HEAD_SIZE)]
-    save_file(stored, path, metadata={"format": "tailroad-drivers-1"})
+    metadata = {"format": "tailroad-drivers-1"} | ({_EMERGENCY: "yes"} if emergency else {})
+    save_file(stored, path, metadata=metadata)
     path.chmod(0o644)  # safetensors creates files that only their owner can read
     path.with_suffix(".json").write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
     return path
@@ -142,7 +154,7 @@ def _card(path: Path) -> dict[str, Any]:
     return found
 
 
-def _checked(path: Path, arrays: dict[str, np.ndarray], card: dict[str, Any]) -> DriverModel:
+def _checked(path: Path, arrays: dict[str, np.ndarray], card: dict[str, Any], emergency: bool) -> DriverModel:
     values = {}
     for key, (shape, kind) in _SHAPES.items():
         array: np.ndarray = np.ascontiguousarray(arrays[key], dtype=kind)
@@ -160,4 +172,4 @@ def _checked(path: Path, arrays: dict[str, np.ndarray], card: dict[str, Any]) ->
             np.linalg.cholesky(sigma0)
         except np.linalg.LinAlgError as error:
             raise WeightsError(f"{path}: sigma0 is not positive definite; refit it") from error
-    return DriverModel(**values, card=card)
+    return DriverModel(**values, card=card, emergency=emergency)

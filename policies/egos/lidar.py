@@ -1,31 +1,22 @@
 """The lidar ego: an imitation network on the 51 values, lidar first (the paper's non-vision policy).
 
-It drives with the mean of the network's action, so it has no randomness of its own.
+It drives with the mean of the network's action, so it has no randomness of its own. Where its weights say so, braking
+and moving over in an emergency stand beside the network (policies.egos.emergency).
 """
 
 import numpy as np
 
 from policies.drivers import DriverModel
+from policies.egos.compiled import NETWORK, NETWORK_WITH_EMERGENCY, act
 from policies.egos.protocol import Observation
-from policies.jit import kernel
 from policies.layout import OUTPUTS
-from policies.network import forward, sample_action
-
-
-@kernel
-def _mean_action(
-    observation: np.ndarray, w1: np.ndarray, b1: np.ndarray, w2: np.ndarray, b2: np.ndarray, head: np.ndarray,
-    action_scale: np.ndarray,
-) -> tuple[float, float]:  # fmt: skip
-    outputs = np.empty(OUTPUTS, np.float32)
-    forward(observation, w1, b1, w2, b2, head, outputs)
-    return sample_action(outputs, action_scale, 0.0, 0.0)
 
 
 class LidarEgo:
     name = "lidar"
 
     def __init__(self, model: DriverModel):
+        self.kind = NETWORK_WITH_EMERGENCY if model.emergency else NETWORK
         self.weights = (
             model.w1,
             model.b1,
@@ -34,9 +25,10 @@ class LidarEgo:
             model.mu0.astype(np.float32),
             model.action_scale,
         )
+        self._outputs = np.empty(OUTPUTS, np.float32)
 
     def reset(self, seed: int) -> None:
         pass
 
     def act(self, observation: Observation) -> tuple[float, float]:
-        return _mean_action(observation.vector, *self.weights)
+        return act(self.kind, observation.vector, *self.weights, self._outputs)

@@ -6,12 +6,15 @@ It learns from the same recordings as the drivers, lane changes left out, by squ
 reaches itself: on the I-80 road, alone with its like, and among the drivers of a scenario, half of the time with a
 vehicle that straddles the marking or is about to. They are labelled by a demonstrator that keeps its lane,
 gives way to a neighbour who comes too close, follows more carefully than the recorded average (CAREFUL below) and
-avoids conflicts that it sees coming (service.training.demonstrator). Written to --out: ego-NAME.safetensors with its
-card ego-NAME.json. Minutes on one core; an interrupted run continues after its last finished stage.
+avoids conflicts that it sees coming (service.training.demonstrator). What its lidar cannot tell apart it learns on
+average; so braking and moving over in an emergency stand beside the network (policies.egos.emergency). Written to
+--out: ego-NAME.safetensors with its card ego-NAME.json. Minutes on one core; an interrupted run continues after its
+last finished stage.
 
 The ego of the paper's scenarios learned from the careful part of that demonstrator alone:
 
-    tailroad train ego-lidar --data DIR --out DIR --seed 1 --name lidar-paper --demonstrator careful --swerving 0
+    tailroad train ego-lidar --data DIR --out DIR --seed 1 --name lidar-paper --demonstrator careful --swerving 0 \
+      --emergency 0 --scenario i80-paper-10s
 """
 
 from collections.abc import Callable
@@ -51,6 +54,7 @@ SHOWN = {
     "it does not brake for a vehicle that is about to change into its lane.",
     "attentive": "Its demonstrator saw every vehicle; the ego does what was right on average of what its lidar shows.",
 }
+EMERGENCY = "; braking and moving over in an emergency beside it (policies.egos.emergency)"
 CHANGING_MPS = (
     0.3  # recorded rows with more lateral speed belong to lane changes, which this ego does not make
 )
@@ -69,6 +73,9 @@ class Arguments:
         "attentive"  # who labels what it sees among drivers: attentive, or careful (lidar-paper's)
     )
     scenario: str = "i80-10s"  # whose drivers are around it while it learns from the attentive demonstrator
+    emergency: int = (
+        1  # 1: what it does in an emergency stands beside the network; 0: the network alone (lidar-paper)
+    )
     drivers: str = "drivers-gail"  # weights of the drivers around it while it learns from the careful one
     rounds: int = 4  # of aggregation
     rollouts: int = 80  # of six egos, in each round
@@ -81,10 +88,8 @@ class Arguments:
     batch: int = 1024
     recorded_share: float = 0.15  # of the rows in a batch
     perturbed_share: float = 0.15
-    check_rollouts: int = (
-        10_000  # of the final check on the whole road, with lidar-paper's starts and drivers
-    )
-    contact_rollouts: int = 20_000  # of the final check in the scenario
+    check_rollouts: int = 2_000  # of the final check on the whole road, with lidar-paper's starts and drivers
+    contact_rollouts: int = 2_000  # of the final check in the scenario
     threads: int = 1
     device: str = "cpu"  # auto, cpu or cuda (service.training.device); the shipped weights are a CPU's
 
@@ -119,14 +124,18 @@ def main() -> None:
         }
         with ticks(progress, "contacts", arguments.contact_rollouts) as tick:
             contacts = Traffic(arguments.scenario).contacts(
-                policy_of(network), arguments.contact_rollouts, arguments.seed, tick
+                policy_of(network, bool(arguments.emergency)),
+                arguments.contact_rollouts,
+                arguments.seed,
+                tick,
             )
         held = people.held_out()
         behind = metrics.brakes_for_leader(quiet(network), road, check_rng)
 
     card = {
         "name": f"ego-{arguments.name}",
-        "what": "ego policy under test: network 51-200-100-2 on lidar and lane position, mean action, no noise",
+        "what": "ego policy under test: network 51-200-100-2 on lidar and lane position, mean action, no noise"
+        + (EMERGENCY if arguments.emergency else ""),
         "method": "behaviour cloning (squared error), noise injection, data set aggregation; demonstrator: "
         + arguments.demonstrator,
         **run.repeated_by(),
@@ -150,7 +159,9 @@ def main() -> None:
         "training_s": run.elapsed_s(),
     }
     arrays = weights_of(network, quiet(network).head, np.zeros((HEAD_SIZE, HEAD_SIZE)))
-    path = save_drivers(arguments.out / f"ego-{arguments.name}.safetensors", arrays, card)
+    path = save_drivers(
+        arguments.out / f"ego-{arguments.name}.safetensors", arrays, card, bool(arguments.emergency)
+    )
     run.finish(path, card)
 
 

@@ -178,6 +178,7 @@ def main() -> None:
             rollouts = Rollouts(scenario, drivers, ego)
             decisive = drivers.mu0.tobytes() + name.encode()
             if isinstance(ego, LidarEgo):
+                decisive += bytes([ego.kind])
                 decisive += b"".join(np.ascontiguousarray(part).tobytes() for part in ego.weights)
             key = hashlib.sha256(decisive).hexdigest()[:12]
             folder = (

@@ -9,7 +9,7 @@ import numpy as np
 import ce
 from policies import layout as O
 from policies.drivers import load_drivers
-from policies.network import forward
+from policies.egos.compiled import NETWORK, NETWORK_WITH_EMERGENCY, act
 from service.training.aggregation import HEAD_NOISE_SD
 from service.training.demonstrations import AGGREGATED, Rows
 from service.training.demonstrator import avoid, demonstrated
@@ -17,6 +17,7 @@ from service.training.expert import Expert
 from service.training.metrics import rate
 from service.training.world import Network
 from service.world import agents as A
+from service.world.safety.contact import contact_of
 from service.world.scenario import load_scenario
 from service.world.scenario.base import base_distribution
 from service.world.scenario.check import check_road
@@ -109,7 +110,7 @@ class Traffic:
             km,
             np.array(seen, np.float32).reshape(-1, O.OBSERVATION_SIZE),
             np.array(avoidance).reshape(-1, 2),
-            self._at_fault() if status == step.COLLIDED else None,
+            self._ran_into_it() if status == step.COLLIDED else None,
         )
 
     def harder(self, x: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -188,34 +189,20 @@ class Traffic:
             "left_the_road": off,
         }
 
-    def _at_fault(self) -> bool:
-        """Whether the ego ran into the vehicle that it touches: from behind, or by the greater speed across."""
-        agents, ego = self.world.agents[: self.world.vehicles], self.world.ego
-        me = agents[ego]
-        away = np.hypot(agents[:, A.X_M] - me[A.X_M], agents[:, A.Y_M] - me[A.Y_M])
-        away[(agents[:, A.COLLISION] == 0.0) | (agents[:, A.ACTIVE] == 0.0)] = np.inf
-        away[ego] = np.inf
-        you = agents[int(away.argmin())]
-        spacing = self.world.road.spacing_m
-        along = (you[A.STATION] - me[A.STATION]) * spacing + you[A.ALONG_M] - me[A.ALONG_M]
-        across = you[A.OFFSET_M] - me[A.OFFSET_M]
-        gap = abs(along) - 0.5 * (me[A.LENGTH_M] + you[A.LENGTH_M])
-        room = abs(across) - 0.5 * (me[A.WIDTH_M] + you[A.WIDTH_M])
-        if gap > room:  # the boxes met end to end
-            return bool(along > 0.0)
-        mine, yours = (
-            row[A.SPEED_MPS] * np.sin(row[A.LANE_HEADING_RAD]) * np.sign(across) for row in (me, you)
-        )
-        return bool(mine > -yours)
+    def _ran_into_it(self) -> bool:
+        """Whether the ego is the striking vehicle of the contact that it is in."""
+        contact = contact_of(self.world.agents, self.world.vehicles, self.world.ego)
+        return contact is not None and contact.striking == "ego"
 
 
-def policy_of(network: Network) -> Policy:
-    """Driving by the network's mean action, as the lidar ego does."""
+def policy_of(network: Network, emergency: bool = False) -> Policy:
+    """Driving by the network's mean action, as the lidar ego does; emergency: with `policies.egos.emergency` beside."""
     outputs = np.empty(O.OUTPUTS, np.float32)
-    scale = network.action_scale
+    kind = NETWORK_WITH_EMERGENCY if emergency else NETWORK
 
-    def act(seen: np.ndarray) -> tuple[float, float]:
-        forward(seen, network.w1, network.b1, network.w2, network.b2, network.head, outputs)
-        return float(scale[0] * outputs[0]), float(scale[1] * outputs[1])
+    def answer(seen: np.ndarray) -> tuple[float, float]:
+        return act(
+            kind, seen, network.w1, network.b1, network.w2, network.b2, network.head, network.action_scale, outputs
+        )  # fmt: skip
 
-    return act
+    return answer

@@ -9,13 +9,11 @@ import numpy as np
 
 from policies.drivers import DriverModel
 from policies.egos import load_ego
-from policies.egos.idm import DESIRED_SPEED_MPS
+from policies.egos.compiled import IDM, act
 from policies.egos.lidar import LidarEgo
 from policies.exactmath import sincos
-from policies.idm import idm_action
 from policies.jit import kernel
 from policies.layout import OUTPUTS
-from policies.network import forward, sample_action
 from service.errors import InputError
 from service.world import agents as A
 from service.world.safety.boxes import time_until_touch
@@ -57,7 +55,7 @@ def drive_and_count(
     agents: np.ndarray,
     n: int,
     ego: int,
-    ego_lidar: bool,
+    ego_kind: int,
     ew1: np.ndarray,
     eb1: np.ndarray,
     ew2: np.ndarray,
@@ -183,11 +181,7 @@ def drive_and_count(
                 hurt[i] = 1.0
         if status != step.RUNNING or k >= noise.shape[0]:
             return status, k, found
-        if ego_lidar:
-            forward(observations[ego], ew1, eb1, ew2, eb2, ehead, outputs)
-            acceleration, turn_rate = sample_action(outputs, escale, 0.0, 0.0)
-        else:
-            acceleration, turn_rate = idm_action(observations[ego], DESIRED_SPEED_MPS)
+        acceleration, turn_rate = act(ego_kind, observations[ego], ew1, eb1, ew2, eb2, ehead, escale, outputs)
         if traits.shape[0] > 0:
             advance_human(
                 agents, n, n, ego, acceleration, turn_rate, observations, w1, b1, w2, b2, head, scale, noise[k], dt_s,
@@ -223,7 +217,7 @@ class Counter:
         self._draw = Draw(scenario)
         policy = load_ego(ego)
         own = (net.w1, net.b1, net.w2, net.b2, drivers.mu0.astype(np.float32), net.action_scale)
-        self._ego = (isinstance(policy, LidarEgo), *(policy.weights if isinstance(policy, LidarEgo) else own))
+        self._ego = (policy.kind, *policy.weights) if isinstance(policy, LidarEgo) else (IDM, *own)
 
     def run(self, x: np.ndarray, noise_seed: int, tallies: np.ndarray) -> tuple[int, int, np.ndarray]:
         """How the rollout ended (service.world.sim.step), its steps and its contacts (n, CONTACT); adds to

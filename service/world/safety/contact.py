@@ -21,17 +21,22 @@ class Contact(msgspec.Struct, frozen=True):
 
     other: row of the vehicle among the agents
     speed_mps: of one relative to the other
+    ahead_mps, left_mps: the other's velocity relative to the ego, along the ego's axes
     ego_side, other_side: "front", "rear", "left" or "right"
     ego_part, other_part: of that side: "left", "middle" or "right" of a front or rear, "front", "middle" or "rear" of a
         side; so "front" and "left" is the front left corner seen from ahead, "left" and "front" seen from the side
+    striking: "ego" or "other": whose front it is; where it is nobody's or both's, who moved faster towards the other
     """
 
     other: int
     speed_mps: float
+    ahead_mps: float
+    left_mps: float
     ego_side: str
     ego_part: str
     other_side: str
     other_part: str
+    striking: str
 
 
 def contact_of(agents: np.ndarray, count: int, ego: int) -> Contact | None:
@@ -54,7 +59,34 @@ def contact_of(agents: np.ndarray, count: int, ego: int) -> Contact | None:
     moved = _centre(a) + back_s * _velocity(a), _centre(b) + back_s * _velocity(b)
     ego_side, ego_part = _where(a, normal, point - moved[0])
     other_side, other_part = _where(b, -normal, point - moved[1])
-    return Contact(other, float(relative_speed(a, b)), ego_side, ego_part, other_side, other_part)
+    relative = _velocity(b) - _velocity(a)
+    ahead, left = _axes(a)
+    return Contact(
+        other,
+        float(relative_speed(a, b)),
+        float(relative @ ahead),
+        float(relative @ left),
+        ego_side,
+        ego_part,
+        other_side,
+        other_part,
+        _striking(a, b, ego_side, other_side, normal),
+    )
+
+
+def _striking(a: np.ndarray, b: np.ndarray, ego_side: str, other_side: str, normal: np.ndarray) -> str:
+    """Who ran into the other; normal: the direction from ego to other in which they met."""
+    if (ego_side == "front") != (other_side == "front"):
+        return "ego" if ego_side == "front" else "other"
+    road = a[A.HEADING_RAD] - a[A.LANE_HEADING_RAD]
+    along = np.array([math.cos(road), math.sin(road)])
+    if abs(float(normal @ along)) < abs(float(normal @ _left_of(along))):  # side by side: across the road
+        normal = math.copysign(1.0, float(normal @ _left_of(along))) * _left_of(along)
+    return "ego" if float(_velocity(a) @ normal) > -float(_velocity(b) @ normal) else "other"
+
+
+def _left_of(direction: np.ndarray) -> np.ndarray:
+    return np.array([-direction[1], direction[0]])
 
 
 def _centre(agent: np.ndarray) -> np.ndarray:

@@ -4,17 +4,14 @@ import math
 
 import numpy as np
 
-from policies.egos.idm import DESIRED_SPEED_MPS
-from policies.idm import idm_action
+from policies.egos.compiled import act
 from policies.jit import kernel
 from policies.layout import OUTPUTS
-from policies.network import forward, sample_action
 from service.world.safety.impact import time_or_impact
 from service.world.sim import step
 from service.world.sim.human import advance_human
 from service.world.sim.step import advance_all, observe
 
-IDM, NETWORK = 0, 1  # kinds of compiled egos
 RAYS, IMPACT = 0, 1  # compiled measures
 
 
@@ -31,6 +28,7 @@ def drive_on(
 
     agents, observations, minds: the state, as `observe` left it; they are moved on
     status, smallest: of that state; where it has ended nothing is driven
+    ego_kind: see `policies.egos.compiled`
     ego_w1 to ego_scale: the ego's network; w1 to scale: the drivers'
     action_noise: of these steps, (steps, vehicles, 2) standard normals, or (steps, vehicles, 4) of
         `service.world.sim.latent` where `traits` says that the drivers are human
@@ -41,11 +39,7 @@ def drive_on(
     outputs = np.empty(OUTPUTS, np.float32)
     k = 0
     while status == step.RUNNING and k < action_noise.shape[0]:
-        if ego_kind == IDM:
-            a, w = idm_action(observations[ego], DESIRED_SPEED_MPS)
-        else:
-            forward(observations[ego], ego_w1, ego_b1, ego_w2, ego_b2, ego_head, outputs)
-            a, w = sample_action(outputs, ego_scale, 0.0, 0.0)
+        a, w = act(ego_kind, observations[ego], ego_w1, ego_b1, ego_w2, ego_b2, ego_head, ego_scale, outputs)
         if not (math.isfinite(a) and math.isfinite(w)):
             return math.nan, status, k
         if traits.shape[0] > 0:

@@ -12,6 +12,7 @@ import numpy as np
 
 from policies.drivers import DriverModel
 from policies.egos import ego_names, ego_weights, load_ego
+from policies.egos.compiled import IDM
 from policies.egos.lidar import LidarEgo
 from policies.egos.registry import LIDAR
 from policies.jit import kernel
@@ -25,7 +26,7 @@ from service.world.sim import step
 from service.world.sim.human import traits_of
 from service.world.sim.road import road_of
 from service.world.sim.rollout import OUTCOMES, Draw, Rollout
-from service.world.sim.segment import IDM, IMPACT, NETWORK, RAYS, drive_on
+from service.world.sim.segment import IMPACT, RAYS, drive_on
 from service.world.sim.step import observe
 from service.world.sim.world import DriverNetwork, World
 from sumo_nets.corridor import Corridor
@@ -33,18 +34,15 @@ from sumo_nets.corridor import Corridor
 MEASURES = {"ttc": RAYS, "ttc-impact": IMPACT}
 
 
-def compiled_ego(name: str) -> int | None:
-    """Which kind of compiled ego has that name; None for one that is not compiled."""
-    if name == "idm":
-        return IDM
-    weights = ego_weights(name)
-    return NETWORK if weights is not None and weights.suffix == LIDAR else None
+def is_compiled(ego: str) -> bool:
+    """Whether the ego of that name is one of `policies.egos.compiled`."""
+    weights = ego_weights(ego)
+    return ego == "idm" or (weights is not None and weights.suffix == LIDAR)
 
 
 def can_leave_out_sumo(scenario: Scenario, ego: str) -> bool:
     """Whether this scenario's rollouts with this ego need no SUMO."""
-    compiled = compiled_ego(ego) is not None and scenario.safety.measure in MEASURES
-    return compiled and scenario.background is None
+    return is_compiled(ego) and scenario.safety.measure in MEASURES and scenario.background is None
 
 
 @kernel
@@ -90,9 +88,8 @@ class WithoutSumo(Closing):
 
     def __init__(self, scenario: Scenario, corridor: Corridor, drivers: DriverModel, ego: str):
         """InputError where the scenario or the ego needs SUMO."""
-        kind = compiled_ego(ego)
-        if kind is None or not can_leave_out_sumo(scenario, ego):
-            compiled = [name for name in ego_names() if compiled_ego(name) is not None]
+        if not can_leave_out_sumo(scenario, ego):
+            compiled = [name for name in ego_names() if is_compiled(name)]
             raise InputError(
                 f"scenario {scenario.name} with ego {ego!r} needs SUMO: what can do without are the egos "
                 f"{', '.join(compiled)}, with the measures {' and '.join(MEASURES)}, without background traffic"
@@ -114,7 +111,11 @@ class WithoutSumo(Closing):
         self._draw = Draw(scenario)
         policy = load_ego(ego)
         # the intelligent driver reads no weights; it is given the drivers' so that the kernel has one signature
-        own = policy.weights if isinstance(policy, LidarEgo) else self._drivers_weights(drivers)
+        kind, own = (
+            (policy.kind, policy.weights)
+            if isinstance(policy, LidarEgo)
+            else (IDM, self._drivers_weights(drivers))
+        )
         self._ego = (kind, *own)
 
     @property

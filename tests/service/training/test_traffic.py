@@ -11,7 +11,6 @@ from service.training.demonstrations import AGGREGATED
 from service.training.lane_changes import KeepingExpert
 from service.training.traffic import Traffic, policy_of
 from service.training.world import network_of
-from service.world import agents as A
 from service.world.scenario.base import unpack
 from service.world.sim import step
 from service.world.sim.without_sumo import WithoutSumo
@@ -79,13 +78,3 @@ def test_policy_of_a_network_is_the_lidar_ego(traffic):
     seen = np.abs(np.random.default_rng(4).normal(size=(5, O.OBSERVATION_SIZE))) * 5.0
     for row in seen:
         assert policy(row) == pytest.approx(ego.act(Observation(row, 0.0)), rel=1e-6)
-
-
-@pytest.mark.parametrize(("along", "fault"), [(4.0, True), (-4.0, False)])
-def test_whoever_is_behind_runs_into_the_other(traffic, along, fault):
-    agents, ego = traffic.world.agents, traffic.world.ego
-    agents[:] = 0.0
-    agents[:, A.LENGTH_M], agents[:, A.WIDTH_M] = 4.5, 1.8
-    for row, station in ((agents[ego], 100.0), (agents[ego - 1], 100.0 + along)):
-        row[A.ALONG_M], row[A.X_M], row[A.ACTIVE], row[A.COLLISION] = station, station, 1.0, 1.0
-    assert traffic._at_fault() is fault
