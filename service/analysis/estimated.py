@@ -19,6 +19,7 @@ class Estimated(msgspec.Struct, frozen=True, kw_only=True):
     endings: how its rollouts ended, with probabilities by the same weights
     workers, wall_s: of this sitting
     worker_s, sim_s: of all
+    in_sumo: rollouts that SUMO drove; the others were compiled calls of the same bits
     """
 
     job: str
@@ -46,6 +47,7 @@ class Estimated(msgspec.Struct, frozen=True, kw_only=True):
     worker_s: float
     sim_s: float
     x_realtime_per_core: float | None
+    in_sumo: int = 0
     unit: str = ""
     measure: str = ""
     endings: tuple[Ending, ...] = ()

@@ -28,8 +28,8 @@ import msgspec
 import numpy as np
 
 from service.errors import InputError, WorkerError
-from service.evaluation.job import Job, Problem
-from service.evaluation.pool import RolloutWorld, Work, run_chunk
+from service.evaluation.job import Job, compiled
+from service.evaluation.pool import OpenWorld, RolloutWorld, Work, run_chunk
 from service.evaluation.store import Chunk
 from service.world.egos.here import HERE
 from service.world.egos.settings import EgoSettings
@@ -44,7 +44,7 @@ THREADS = (
 class ExecutorPool:
     """An executor that runs one job's chunks; it stays open, as it is the caller's. Use as a context manager."""
 
-    def __init__(self, executor: Executor, job: Job):
+    def __init__(self, executor: Executor, job: Job, open_world: OpenWorld = compiled):
         if isinstance(executor, ThreadPoolExecutor):
             raise InputError(f"executor {type(executor).__name__}: its workers are threads; {THREADS}")
         if job.ego.startswith(HERE):
@@ -53,6 +53,7 @@ class ExecutorPool:
                 "can import, or leave out the executor"
             )
         self._executor = executor
+        self._open_world = open_world
         self._job = msgspec.json.encode(job)
         self._environment = EgoSettings.from_environment().as_environment()
         self._running: dict[Future, Work] = {}
@@ -89,7 +90,13 @@ class ExecutorPool:
 
     def _submitted(self, work: Work) -> Future:
         return self._executor.submit(
-            run_elsewhere, self._job, self._environment, work.start, work.x, work.noise_seeds
+            run_elsewhere,
+            self._job,
+            self._environment,
+            self._open_world,
+            work.start,
+            work.x,
+            work.noise_seeds,
         )
 
     def _told(self) -> "_Told":
@@ -114,13 +121,18 @@ class _Told:
 
 
 _world: RolloutWorld | None = None  # of this worker process
-_of: bytes = b""  # the job that it was opened for
+_of: tuple[bytes, OpenWorld] | None = None  # what it was opened for
 _thread: threading.Thread | None = None  # that SUMO runs in
 _turn = threading.Lock()
 
 
 def run_elsewhere(
-    job: bytes, environment: dict[str, str], start: int, x: np.ndarray, noise_seeds: np.ndarray
+    job: bytes,
+    environment: dict[str, str],
+    open_world: OpenWorld,
+    start: int,
+    x: np.ndarray,
+    noise_seeds: np.ndarray,
 ) -> Chunk:
     """Run a chunk's rollouts in a worker of an executor; the world of a job stays open for the next chunk."""
     global _world, _of, _thread
@@ -129,10 +141,10 @@ def run_elsewhere(
         if _thread is not None and _thread is not here and _thread.is_alive():
             raise WorkerError(f"two threads of one worker process were given rollouts; {THREADS}")
         _thread = here
-        if _world is None or _of != job:
+        if _world is None or _of != (job, open_world):
             if _world is not None and (close := getattr(_world, "close", None)) is not None:
                 close()
             os.environ.update(environment)
-            _world = Problem(msgspec.json.decode(job, type=Job)).simulator()
-            _of = job
+            _world = open_world(msgspec.json.decode(job, type=Job))
+            _of = job, open_world
         return run_chunk(_world, Work(start, x, noise_seeds))

@@ -163,15 +163,20 @@ class Problem:
         )
 
 
-def without_sumo(job: Job) -> Audited | Simulator:
-    """A world for this process that leaves SUMO out where the job can do without, with one rollout in a hundred run in
-    both and compared (`service.world.sim.audited`)."""
+def in_sumo(job: Job) -> Simulator:
+    """A world for this process in which SUMO drives every rollout."""
+    return Problem(job).simulator()
+
+
+def compiled(job: Job) -> Audited | Simulator:
+    """A world for this process in which rollouts are one compiled call where the job allows it, with the events and one
+    in a hundred of the others driven in SUMO too and compared (`service.world.sim.audited`)."""
     problem = Problem(job)
     if not can_leave_out_sumo(job.scenario, job.ego):
-        return problem.simulator()
+        return in_sumo(job)
     problem.check_ego_weights()
     alone = WithoutSumo(job.scenario, problem.corridor, problem.drivers, job.ego)
-    return Audited(alone, problem.simulator())
+    return Audited(alone, problem.simulator, job.gamma)
 
 
 def _weights_digest(drivers: DriverModel) -> str:

@@ -6,11 +6,11 @@ A rollout that kills its process becomes a recorded error, and all others get th
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
-from service.evaluation.job import Job, Problem
+from service.evaluation.job import Job, compiled, in_sumo
 from service.evaluation.process_pool import ProcessPool, TaskKind
 from service.evaluation.processes import context_for
 from service.evaluation.store import FAILED, Chunk, failed_chunk
@@ -21,17 +21,23 @@ OUTCOME_NAMES = {code: name for name, code in OUTCOME_CODES.items()}
 
 
 class RolloutWorld(Protocol):
-    """What runs rollouts: `service.world.sim.rollout.Simulator`, or another that gives the same bits."""
+    """What runs rollouts: `service.world.sim.rollout.Simulator`, or another that gives the same bits.
+
+    in_sumo: how many of its rollouts SUMO has driven so far
+    """
+
+    in_sumo: int
+
+    def begin_chunk(self) -> None: ...
 
     def run(self, x: np.ndarray, noise_seed: int) -> Rollout: ...
 
 
 OpenWorld = Callable[[Job], RolloutWorld]  # called in each worker process; a function at a module's top level
-
-
-def in_sumo(job: Job) -> RolloutWorld:
-    """The world that a job's rollouts run in unless something else is asked for."""
-    return Problem(job).simulator()
+InSumo = Literal[
+    "some", "all"
+]  # rollouts that SUMO drives: those that matter and a share of the others, or all
+WORLDS: dict[InSumo, OpenWorld] = {"some": compiled, "all": in_sumo}
 
 
 _world: RolloutWorld | None = None  # of this worker process
@@ -51,7 +57,8 @@ class Work:
 
 def run_chunk(simulator: RolloutWorld, work: Work) -> Chunk:
     """Run a chunk's rollouts in this process."""
-    began = time.perf_counter()
+    began, before = time.perf_counter(), simulator.in_sumo
+    simulator.begin_chunk()
     rollouts = [simulator.run(x, int(seed)) for x, seed in zip(work.x, work.noise_seeds, strict=True)]
     return Chunk(
         work.start,
@@ -61,6 +68,7 @@ def run_chunk(simulator: RolloutWorld, work: Work) -> Chunk:
         np.array([r.steps for r in rollouts], dtype=np.int32),
         {i: r.error for i, r in enumerate(rollouts) if r.error is not None},
         time.perf_counter() - began,
+        in_sumo=simulator.in_sumo - before,
     )
 
 
@@ -93,6 +101,7 @@ def _joined(parts: Sequence[Chunk]) -> Chunk:
         np.concatenate([p.steps for p in parts]),
         {p.start - first + i: error for p in parts for i, error in p.errors.items()},
         sum(p.worker_s for p in parts),
+        in_sumo=sum(p.in_sumo or 0 for p in parts),
     )
 
 
@@ -102,7 +111,7 @@ CHUNKS = TaskKind(_run, _rows, _joined, _lost)
 class LocalPool:
     """Worker processes for one job; use as a context manager."""
 
-    def __init__(self, job: Job, workers: int, open_world: OpenWorld = in_sumo):
+    def __init__(self, job: Job, workers: int, open_world: OpenWorld = compiled):
         self._processes = ProcessPool(
             workers, CHUNKS, _open_worker, (job, open_world), lambda: context_for(job.ego)
         )

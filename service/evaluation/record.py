@@ -55,6 +55,7 @@ class JobRecord:
     errors: phase, iteration, row and reason of each failed rollout
     recorded: rollouts on record, those of an incomplete batch included
     worker_s, sim_s: seconds of workers, and simulated seconds, that they took
+    in_sumo: how many of them SUMO drove
     explicit_batches: phase and iteration of the batches that `explicit` is of
     """
 
@@ -74,6 +75,7 @@ class JobRecord:
     recorded: int
     worker_s: float
     sim_s: float
+    in_sumo: int
     explicit_batches: frozenset[BatchKey] = frozenset()
 
     @property
@@ -177,7 +179,7 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
     last = max(rows, default=0)
     outcomes: dict[str, Counter[str]] = {}
     errors: list[tuple[str, int, int, str]] = []
-    count, worker_s, steps = 0, 0.0, 0
+    count, worker_s, steps, in_sumo = 0, 0.0, 0, 0
     chunks = list(store.all_chunks(job.id))
     for phase, iteration, chunk in chunks:
         codes, counts = np.unique(chunk.outcomes, return_counts=True)
@@ -188,6 +190,7 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
         count += chunk.stop - chunk.start
         worker_s += chunk.worker_s
         steps += int(chunk.steps.sum())
+        in_sumo += chunk.driven_in_sumo
     return JobRecord(
         job=job,
         problem=problem,
@@ -205,6 +208,7 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
         recorded=count,
         worker_s=worker_s,
         sim_s=steps * job.scenario.time.step_s,
+        in_sumo=in_sumo,
         explicit_batches=frozenset(explicit_batches),
     )
 

@@ -9,8 +9,8 @@ import ce
 from service.evaluation.batches import RecordedBatches
 from service.evaluation.engine import ExecutorPool
 from service.evaluation.evaluate import Observe, evaluate
-from service.evaluation.job import Job, Problem
-from service.evaluation.pool import LocalPool, OpenWorld, in_sumo
+from service.evaluation.job import Job, Problem, compiled
+from service.evaluation.pool import LocalPool, OpenWorld
 from service.evaluation.store import Chunk, ChunkSource
 from service.evaluation.tolerance import Tolerance
 
@@ -28,7 +28,7 @@ class LazyPool:
     """A pool of workers for a job that starts when first asked for: local ones, or those of an executor."""
 
     def __init__(
-        self, job: Job, workers: int, open_world: OpenWorld = in_sumo, executor: Executor | None = None
+        self, job: Job, workers: int, open_world: OpenWorld = compiled, executor: Executor | None = None
     ):
         self._job, self._workers, self._open_world, self._executor = job, workers, open_world, executor
         self._pool: LocalPool | ExecutorPool | None = None
@@ -36,7 +36,7 @@ class LazyPool:
     def __call__(self) -> LocalPool | ExecutorPool:
         if self._pool is None:
             if self._executor is not None:
-                self._pool = ExecutorPool(self._executor, self._job)
+                self._pool = ExecutorPool(self._executor, self._job, self._open_world)
             else:
                 self._pool = LocalPool(self._job, self._workers, self._open_world)
             self._pool.warm_up()
@@ -58,14 +58,14 @@ def evaluate_recorded(
     workers: int,
     watcher: Watcher,
     max_failed: float = 1.0,
-    open_world: OpenWorld = in_sumo,
+    open_world: OpenWorld = compiled,
     executor: Executor | None = None,
 ) -> ce.Estimate:
     """Run one job to its end, from wherever its record in `store` stands.
 
     max_failed: TooManyFailures where a larger share of its rollouts fails
     open_world: what the rollouts run in
-    executor: what runs them in place of local workers, in SUMO
+    executor: what runs them in place of local workers
     """
     problem = Problem(job)
     algorithm = problem.algorithm

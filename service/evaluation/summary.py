@@ -84,17 +84,20 @@ def variance_reliable(estimate: ce.Estimate) -> bool:
 
 
 class Cost:
-    """What a job cost: worker seconds and simulated seconds, and the wall clock of this sitting."""
+    """What a job cost: worker seconds and simulated seconds, how many rollouts SUMO drove (the others were compiled
+    calls of the same bits), and the wall clock of this sitting."""
 
     def __init__(self, workers: int):
         self.workers = workers
         self.wall_s = 0.0
         self.worker_s = 0.0
         self.sim_s = 0.0
+        self.in_sumo = 0
 
-    def add(self, worker_s: float, sim_s: float) -> None:
+    def add(self, worker_s: float, sim_s: float, in_sumo: int) -> None:
         self.worker_s += worker_s
         self.sim_s += sim_s
+        self.in_sumo += in_sumo
 
     def as_dict(self) -> dict[str, float | int | None]:
         return {
@@ -102,6 +105,7 @@ class Cost:
             "wall_s": round(self.wall_s, 3),
             "worker_s": round(self.worker_s, 3),
             "sim_s": round(self.sim_s, 1),
+            "in_sumo": self.in_sumo,
             "x_realtime_per_core": _number(self.sim_s / self.worker_s if self.worker_s else math.nan),
         }
 

@@ -14,7 +14,7 @@ import ce
 from service.errors import StoreError, TailroadError
 from service.evaluation.batches import RecordedBatches
 from service.evaluation.evaluate import evaluate
-from service.evaluation.job import Job, Problem
+from service.evaluation.job import Job, Problem, in_sumo
 from service.evaluation.pool import OUTCOME_CODES, LocalPool, Work
 from service.evaluation.record import EndOfRecord, no_workers
 from service.evaluation.store import Chunk
@@ -74,7 +74,7 @@ def verify(name: str, job: Job, rows: Iterable[sa.Row], sample: int, workers: in
         finished = found.run(problem)
         check_ego(job.ego)
         if found.sampled:
-            with LocalPool(job, workers) as pool:
+            with LocalPool(job, workers, in_sumo) as pool:
                 for wrong in _different(pool, found.sampled):
                     different += 1
                     damage.append(wrong)

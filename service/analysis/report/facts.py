@@ -136,7 +136,7 @@ def _risk(
 def _job(record: JobRecord, against_naive: AgainstNaive | None, gammas: np.ndarray) -> JobFacts:
     job, estimate = record.job, record.estimate
     cost = Cost(workers=0)
-    cost.add(record.worker_s, record.sim_s)
+    cost.add(record.worker_s, record.sim_s, record.in_sumo)
     summary = summary_of(job, estimate, cost, record.endings)
     del summary["workers"], summary["wall_s"]  # of a sitting, which the record does not know
     answer, interval = words.answer(summary)

@@ -210,6 +210,7 @@ class JobFacts(_Fact, frozen=True):
     driver_shift: DriverShift | None
     worker_s: float
     sim_s: float
+    in_sumo: int
     x_realtime_per_core: Number
 
 

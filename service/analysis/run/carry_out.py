@@ -11,8 +11,8 @@ from typing import Any
 import ce
 from service.analysis.run.run import Run
 from service.evaluation.cores import core_count
-from service.evaluation.job import Job
-from service.evaluation.pool import OpenWorld, in_sumo
+from service.evaluation.job import Job, compiled
+from service.evaluation.pool import WORLDS, InSumo, OpenWorld
 from service.evaluation.recorded import Watcher, evaluate_recorded
 from service.evaluation.store import Chunk, RunDirectory
 from service.evaluation.summary import Cost
@@ -96,7 +96,8 @@ class _Told:
         self._say()
 
     def _chunk(self, chunk: Chunk, replayed: bool) -> None:
-        self.cost.add(chunk.worker_s, float(chunk.steps.sum()) * self.job.scenario.time.step_s)
+        sim_s = float(chunk.steps.sum()) * self.job.scenario.time.step_s
+        self.cost.add(chunk.worker_s, sim_s, chunk.driven_in_sumo)
         self.rollouts += chunk.stop - chunk.start
         self._say(chunk.stop - chunk.start)
 
@@ -111,7 +112,7 @@ def carry_out(
     workers: int | None = None,
     progress: Tell = tell_nobody,
     max_failed: float = MAX_FAILED,
-    open_world: OpenWorld = in_sumo,
+    open_world: OpenWorld = compiled,
     executor: Executor | None = None,
     new: bool = False,
 ) -> Run:
@@ -134,18 +135,20 @@ def resume(
     workers: int | None = None,
     progress: Tell = tell_nobody,
     max_failed: float = MAX_FAILED,
+    in_sumo: InSumo = "some",
     executor: Executor | None = None,
 ) -> Run:
     """Go on with the run in this directory: its own settings hold, and what was run is not run again.
 
-    ego: needed again where the run's ego was an object of the Python process that began it; the rest as of `carry_out`.
+    ego: needed again where the run's ego was an object of the Python process that began it; in_sumo: as of `estimate`;
+    the rest as of `carry_out`.
     """
     with RunDirectory.open(Path(path)) as store:
         for job in store.jobs:
             if ego is not None:
                 give_again(job.ego, ego)
             check_ego(job.ego)  # a run directory may come from someone else
-        return _run_all(store, workers or core_count(), progress, max_failed, in_sumo, executor)
+        return _run_all(store, workers or core_count(), progress, max_failed, WORLDS[in_sumo], executor)
 
 
 def _run_all(

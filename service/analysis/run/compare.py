@@ -25,6 +25,7 @@ from service.analysis.run.records import record_of
 from service.analysis.run.run import Run
 from service.errors import InputError
 from service.evaluation.cores import core_count
+from service.evaluation.pool import WORLDS, InSumo
 from service.evaluation.record import JobRecord
 from service.evaluation.store import RunDirectory
 from service.world.egos.here import ego_name
@@ -69,6 +70,7 @@ def compare(
     examine: int = EXAMINED,
     out: str | Path | None = None,
     workers: int | None = None,
+    in_sumo: InSumo = "some",
     executor: Executor | None = None,
     progress: Tell = tell_nobody,
     watch: Watch = look_away,
@@ -113,7 +115,7 @@ def compare(
         ]
         try:
             for asked, path in zip(jobs, paths, strict=True):
-                carry_out(path, asked, count, progress, max_failed, executor=executor)
+                carry_out(path, asked, count, progress, max_failed, WORLDS[in_sumo], executor)
         except Interrupted:
             raise Interrupted(folder) from None
         records = [record_of(path)[0] for path in paths]

@@ -8,6 +8,7 @@ from typing import Any
 from service.analysis.run.carry_out import MAX_FAILED, Tell, carry_out, new_folder, tell_nobody
 from service.analysis.run.question import BUDGET, CONFIDENCE, METHOD, SEED, jobs_of
 from service.analysis.run.run import Run
+from service.evaluation.pool import WORLDS, InSumo
 from service.world.egos.here import ego_name
 from service.world.scenario import Scenario
 from service.world.scenario.noise_mode import NoiseMode
@@ -28,6 +29,7 @@ def estimate(
     options: Mapping[str, Any] | None = None,
     out: str | Path | None = None,
     workers: int | None = None,
+    in_sumo: InSumo = "some",
     executor: Executor | None = None,
     progress: Tell = tell_nobody,
     max_failed: float = MAX_FAILED,
@@ -49,6 +51,8 @@ def estimate(
     out: run directory (default: runs/SCENARIO-EGO-TIME); one of the same question is gone on with, or with `new`
         refused.
     workers: processes (default: one for each core).
+    in_sumo: "some": rollouts that can be one compiled call are, and SUMO drives the first 4 events of each chunk of
+        rollouts, one in 10 of its others and one in 100 of what is no event, to the same bits; "all": all of them.
     executor: a concurrent.futures.Executor whose workers are processes, to run rollouts in place of local workers.
     progress: told how far it is, with a Progress each time.
     max_failed: TooManyFailures where a larger share of the rollouts fails.
@@ -75,4 +79,4 @@ def estimate(
         options=options,
     )
     path = Path(out) if out is not None else new_folder(jobs[0].scenario.name, name)
-    return carry_out(path, jobs, workers, progress, max_failed, executor=executor, new=new)
+    return carry_out(path, jobs, workers, progress, max_failed, WORLDS[in_sumo], executor, new)

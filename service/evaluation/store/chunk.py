@@ -25,6 +25,12 @@ class Chunk:
     errors: dict[int, str]  # by row, counted from `start`
     worker_s: float
     draws: str = ""  # digest of the rows' x and noise seeds (`draws.py`); "" where it was not written down
+    in_sumo: int | None = None  # how many of them SUMO has driven; None where it was not written down
+
+    @property
+    def driven_in_sumo(self) -> int:
+        """How many of the rollouts SUMO has driven: all of them before it was written down."""
+        return self.stop - self.start if self.in_sumo is None else self.in_sumo
 
     def fingerprint(self) -> bytes:
         """Of everything that decides an estimate: two workers that ran the same rows must agree on it to the bit."""
@@ -67,17 +73,18 @@ def row_of(job: str, phase: str, iteration: int, chunk: Chunk, origin: Origin = 
         "worker_s": chunk.worker_s,
         "digest": chunk.draws,
         "worker": origin.worker,
+        "in_sumo": chunk.in_sumo,
     }
     return row | {"checksum": checksum_of(row)}
 
 
 def checksum_of(row: Mapping[str, Any]) -> str:
-    """Of all columns of a row but its checksum, whichever they are."""
+    """Of all columns of a row that say something, but its checksum; so a row of before a column keeps its own."""
     digest = hashlib.blake2b(digest_size=16)
     for name in sorted(row):
         value = row[name]
         data = value if isinstance(value, bytes) else repr(value).encode()
-        if name != "checksum":
+        if name != "checksum" and value is not None:
             digest.update(f"{name} {type(value).__name__} {len(data)} ".encode())
             digest.update(data)
     return digest.hexdigest()
@@ -118,6 +125,7 @@ def _chunk_of(row: Any) -> Chunk:
         {int(k): v for k, v in errors.items()},
         row.worker_s,
         row.digest,
+        row.in_sumo,
     )
 
 
@@ -132,4 +140,5 @@ def failed_chunk(start: int, stop: int, reason: str) -> Chunk:
         np.zeros(n, np.int32),
         dict.fromkeys(range(n), reason),
         0.0,
+        in_sumo=0,
     )

@@ -201,13 +201,14 @@ class JobStore(Closing):
         _, status, epoch, recorded, voided = row
         return Mark(msgspec.json.decode(status)["status"], epoch or 0, recorded, voided)
 
-    def cost(self, job_id: str) -> tuple[float, int]:
-        """What the job's rollouts in the record have taken: worker seconds, and simulated steps."""
-        worker_s, steps = 0.0, 0
+    def cost(self, job_id: str) -> tuple[float, int, int]:
+        """What the job's rollouts in the record have taken: worker seconds, simulated steps, how many SUMO drove."""
+        worker_s, steps, in_sumo = 0.0, 0, 0
         for _, _, chunk in self.chunks.all_chunks(job_id):
             worker_s += chunk.worker_s
             steps += int(chunk.steps.sum())
-        return worker_s, steps
+            in_sumo += chunk.driven_in_sumo
+        return worker_s, steps, in_sumo
 
     def add_iterations(
         self, job_id: str, epoch: int, first: int, records: list[ce.TrainingRecord | ce.EstimationRecord]

@@ -7,7 +7,7 @@ one that does not match them is replaced.
 
 import sqlalchemy as sa
 
-VERSION = "0005"  # the newest of migrations/versions
+VERSION = "0006"  # the newest of migrations/versions
 
 metadata = sa.MetaData()
 
@@ -39,6 +39,7 @@ chunks = sa.Table(
     sa.Column("digest", sa.Text, nullable=False),  # of the rows' x and noise seeds, "" = not known
     sa.Column("worker", sa.Text, nullable=False),  # "" = a local process
     sa.Column("checksum", sa.Text, nullable=False, server_default=""),  # of all the row says, "" = an old row
+    sa.Column("in_sumo", sa.Integer),  # how many of the rollouts SUMO has driven; NULL = an old row
     sa.Index("chunks_by_worker", "worker"),
 )
 

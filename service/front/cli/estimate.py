@@ -17,10 +17,12 @@ from service.analysis.wording import quantity
 from service.errors import InputError, WorkerError
 from service.evaluation.cores import core_count
 from service.evaluation.options import FLAGS_OF_CE
+from service.evaluation.pool import InSumo
 from service.front.cli.ego_options import ego_option
 from service.front.cli.main import INTERRUPTED
 from service.front.cli.options import (
     finite,
+    in_sumo_option,
     json_option,
     seed_option,
     workers_option,
@@ -69,6 +71,7 @@ NOT_PRECISE = 3
 @click.option("--max-failed", type=click.FloatRange(0, 1), callback=finite, default=0.1, show_default=True,
               help="Stop when more than this share of the rollouts fails; 0: at the first, 1: never.")  # fmt: skip
 @click.option("--report/--no-report", "with_report", default=True, help="Write the HTML report at the end.")
+@in_sumo_option()
 @json_option()
 def command(
     scenario: str | None,
@@ -80,6 +83,7 @@ def command(
     out: Path | None,
     resume: Path | None,
     max_failed: float,
+    in_sumo: InSumo,
     with_report: bool,
     as_json: bool,
     **asked: Any,
@@ -98,7 +102,7 @@ def command(
                     raise InputError(
                         "--resume takes everything from the run directory; leave out SCENARIO and --out"
                     )
-                run = go_on(resume, workers=count, progress=tell, max_failed=max_failed)
+                run = go_on(resume, workers=count, progress=tell, max_failed=max_failed, in_sumo=in_sumo)
             else:
                 if gamma is None:
                     raise InputError(
@@ -116,6 +120,7 @@ def command(
                     workers=count,
                     progress=tell,
                     max_failed=max_failed,
+                    in_sumo=in_sumo,
                     new=True,
                     **asked,
                 )
@@ -171,6 +176,7 @@ def _print(summaries: list[dict[str, Any]], compared: list[dict[str, Any]]) -> N
             ("efficiency, training counted", "efficiency"),
         ):
             row(label, [_ratio(against.get(s.get("job", s["method"])), key) for s in summaries])
+    row("rollouts that SUMO drove", [f"{s['in_sumo']:,}" for s in summaries])
     row("worker time", [f"{s['worker_s']:.0f} s" for s in summaries])
     row("x real time a core", [f"{s['x_realtime_per_core'] or 0.0:.0f}" for s in summaries])
     console.print(table)

@@ -73,6 +73,17 @@ def renamed_option(old: str, new: str, kind: click.ParamType) -> Callable[[Calla
     return decorate
 
 
+def in_sumo_option() -> Callable:
+    return click.option(
+        "--in-sumo",
+        type=click.Choice(("some", "all")),
+        default="some",
+        show_default=True,
+        help="Rollouts that SUMO drives: the events and one in 100 of the others, which must have the bits of the "
+        "compiled ones (of frequent events a share); or all.",
+    )
+
+
 def json_option() -> Callable:
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
 

@@ -22,6 +22,7 @@ def answer_of(worker: str, lease: int, key: ChunkKey, chunk: Chunk) -> Answer:
         chunk.steps.astype("<i4").tobytes(),
         {row: reason[:MAX_REASON] for row, reason in chunk.errors.items()},
         chunk.worker_s,
+        chunk.in_sumo,
     )
 
 
@@ -46,4 +47,8 @@ def chunk_of(answer: Answer) -> Chunk:
         raise BadMessage(f"an error is told in at most {MAX_REASON} characters")
     if not (math.isfinite(answer.worker_s) and answer.worker_s >= 0.0):
         raise BadMessage(f"worker_s is {answer.worker_s}")
-    return Chunk(key.start, key.stop, f, outcomes, steps, answer.errors, answer.worker_s)
+    if answer.in_sumo is not None and not 0 <= answer.in_sumo <= n:
+        raise BadMessage(f"in_sumo is {answer.in_sumo} of {n} rollouts")
+    return Chunk(
+        key.start, key.stop, f, outcomes, steps, answer.errors, answer.worker_s, in_sumo=answer.in_sumo
+    )

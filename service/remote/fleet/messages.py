@@ -70,7 +70,8 @@ class ChunkKey(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Answer(_Message, frozen=True, tag="answer"):
-    """The rollouts of a chunk: f float64, outcomes uint8, steps int32, little-endian; errors by row of the chunk."""
+    """The rollouts of a chunk: f float64, outcomes uint8, steps int32, little-endian; errors by row of the chunk;
+    in_sumo: how many of them SUMO has driven."""
 
     worker: str
     lease: int
@@ -80,6 +81,7 @@ class Answer(_Message, frozen=True, tag="answer"):
     steps: bytes
     errors: dict[int, str]
     worker_s: float
+    in_sumo: int | None = None
 
 
 class Failed(_Message, frozen=True, tag="failed"):

@@ -13,13 +13,14 @@ import numpy as np
 import ce
 from ce.errors import CeError
 from policies.drivers import WeightsError
-from service.errors import TailroadError
-from service.evaluation.job import Problem
+from service.errors import SimulationError, TailroadError
+from service.evaluation.job import Problem, compiled
 from service.evaluation.parent import end_with_parent
 from service.evaluation.pool import Work, run_chunk
 from service.evaluation.store.draws import row_hashes, rows_digest
 from service.remote.fleet.answers import answer_of
 from service.remote.fleet.messages import (
+    MAX_REASON,
     Answer,
     ChunkKey,
     Drawn,
@@ -32,6 +33,7 @@ from service.remote.fleet.messages import (
     encode,
 )
 from service.remote.fleet.versions import differing
+from service.world.sim.audited import Audited
 from service.world.sim.rollout import Simulator
 
 OPEN_LIMIT_S = 300.0  # to open a job: kernels may have to be compiled
@@ -106,7 +108,7 @@ class _Bench:
     def __init__(self, worker: str):
         self._worker = worker
         self._problem: Problem | None = None
-        self._simulator: Simulator | None = None
+        self._simulator: Audited | Simulator | None = None
         self._last: tuple[tuple, ce.Stream] | None = None  # of the batch that was run last
 
     def open(self, spec: JobSpec) -> str:
@@ -121,7 +123,7 @@ class _Bench:
                     f"{wrong} of job {spec.job} differ from the scheduler's; install the same files at the same place "
                     "on this machine"
                 )
-            self._simulator = problem.simulator()
+            self._simulator = compiled(problem.job)
             self._problem = problem
             self._last = None
         except (TailroadError, WeightsError, CeError, ValueError, OSError) as error:
@@ -141,7 +143,10 @@ class _Bench:
         if rows_digest(row_hashes(x, noise_seeds)) != key.digest:
             reason = "the random draws of this machine are not the scheduler's"
             return Failed(self._worker, lease.lease, key, reason, explicit=True)
-        chunk = run_chunk(self._simulator, Work(key.start, x, noise_seeds))
+        try:
+            chunk = run_chunk(self._simulator, Work(key.start, x, noise_seeds))
+        except SimulationError as error:  # this machine's compiled rollouts are not SUMO's: it must not go on
+            return Failed(self._worker, lease.lease, key, str(error)[:MAX_REASON], refused=True)
         return answer_of(self._worker, lease.lease, key, chunk)
 
     def _stream(self, key: ChunkKey, rows: Drawn) -> ce.Stream:

@@ -164,8 +164,8 @@ class Fleet:
         threshold or confidence where given."""
         row, found = self._row(job), self._estimate(job, gamma, confidence)
         cost = Cost(0)
-        worker_s, steps = self._store.cost(job)
-        cost.add(worker_s, steps * row.job.scenario.time.step_s)
+        worker_s, steps, in_sumo = self._store.cost(job)
+        cost.add(worker_s, steps * row.job.scenario.time.step_s, in_sumo)
         endings = endings_of(found, self.reader(job).all_chunks(row.job.id))
         return summary_of(msgspec.structs.replace(row.job, gamma=found.gamma), found, cost, endings)
 

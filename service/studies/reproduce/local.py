@@ -8,8 +8,8 @@ import ce
 from service.analysis.run import Progress
 from service.analysis.run import carry_out as carry_out_jobs
 from service.evaluation.batches import RecordedBatches
-from service.evaluation.job import Job, Problem, make_job, without_sumo
-from service.evaluation.pool import OpenWorld, in_sumo
+from service.evaluation.job import Job, Problem, compiled, in_sumo, make_job
+from service.evaluation.pool import OpenWorld
 from service.evaluation.recorded import LazyPool
 from service.evaluation.store import Chunk
 from service.studies.reproduce import results
@@ -54,7 +54,7 @@ def run_as_job(run: Run) -> Job:
 def carry_out(plan: Plan, out: Path, truths: Path, workers: int, sumo: bool, watch: Watch) -> Outcome:
     """Run what is missing of the plan. out: holds the run directories; truths: the ground truths."""
     sumo = sumo or not can_leave_out_sumo(load_scenario(plan.truth.scenario), plan.truth.ego)
-    open_world = in_sumo if sumo else without_sumo
+    open_world = in_sumo if sumo else compiled
     truth = accumulate(plan.truth, truth_path(plan.truth, truths), workers, open_world, watch)
     found = tuple(finish_run(run, plan.gammas, out, workers, sumo, watch) for run in plan.runs)
     return Outcome(plan, truth, found, sumo)
@@ -99,7 +99,7 @@ def finish_run(
         run_so_far = progress.rollouts
         watch.on_rollouts(progress.more)
 
-    world = in_sumo if sumo else without_sumo
+    world = in_sumo if sumo else compiled
     finished = carry_out_jobs(folder, [job], workers, on_progress, NEVER_GIVE_UP, world)
     watch.on_rollouts(run.budget - run_so_far)  # where the method needed fewer
     cost = finished.costs[job.id]

@@ -173,6 +173,7 @@ class Simulator:
         self._monitor = open_monitor(scenario, len(self._world.agents))
         stations = [scenario.of(vehicle, "station_m") for vehicle in scenario.vehicles]
         self._has_background = background is not None
+        self.in_sumo = 0  # rollouts so far
         own = scenario.vehicles[scenario.ego].name
         enter = getattr(ego, "enter", None)  # of an ego that SUMO itself drives
         self._sumo = SumoSession(
@@ -210,6 +211,9 @@ class Simulator:
             if (leave := getattr(part, "close", None)) is not None:
                 leave()
 
+    def begin_chunk(self) -> None:
+        """The rollouts that come now are of a new chunk."""
+
     def _frame_source(self) -> FrameSource | None:
         """The ego's camera where it wants one; asked when a rollout has begun: an ego elsewhere has to be met first."""
         if not getattr(self._ego, "wants_camera", False):
@@ -236,6 +240,7 @@ class Simulator:
         An exception on the way, from the ego or from SUMO, makes a recorded rollout with outcome "error" and
         f = NaN; it is not raised.
         """
+        self.in_sumo += 1
         try:
             return self._run(x, noise_seed, observer, action_noise)
         # any failure of a black box, sys.exit included, is a result with its seed, never a lost rollout

@@ -130,8 +130,13 @@ class WithoutSumo(Closing):
         n = self._network
         return n.w1, n.b1, n.w2, n.b2, drivers.mu0.astype(np.float32), n.action_scale
 
+    in_sumo = 0  # rollouts that SUMO has driven
+
     def close(self) -> None:
         """Nothing is held."""
+
+    def begin_chunk(self) -> None:
+        """The rollouts that come now are of a new chunk."""
 
     def run(self, x: np.ndarray, noise_seed: Noise = 0, *, action_noise: np.ndarray | None = None) -> Rollout:
         """The rollout of `x` (d,), with the same bits as `Simulator.run`."""

@@ -9,7 +9,7 @@ import pytest
 
 import ce
 from service.errors import InputError, ScenarioError, SimulationError
-from service.evaluation.job import Problem, make_job, without_sumo
+from service.evaluation.job import Problem, compiled, in_sumo, make_job
 from service.world.safety.measure import with_measure
 from service.world.scenario import load_scenario
 from service.world.scenario.base import dimension
@@ -81,17 +81,31 @@ def test_what_needs_sumo_is_refused(make_scenario):
 def test_a_share_of_the_rollouts_is_compared_and_a_difference_ends_the_run(make_scenario):
     job = make_job(make_scenario({"horizon_s = 10.0": "horizon_s = 1.0"}), "idm", 0.5, "naive", 3, {})
     x, _ = ce.draw(Problem(job).base, 3, "estimate", 0, 0, 1)
-    with without_sumo(job) as world:
+    with compiled(job) as world:
         assert isinstance(world, Audited)
         world.run(x[0], 7)
-        assert world.compared == 0
+        assert world.in_sumo == 0
         world.run(x[0], 2 * audited.EVERY)
-        assert world.compared == 1
+        assert world.in_sumo == 1
         honest = world._alone.run
         world._alone.run = lambda x, seed: replace(honest(x, seed), f=np.nextafter(honest(x, seed).f, 0.0))
         world.run(x[0], 7)
         with pytest.raises(SimulationError, match="same to the bit"):
             world.run(x[0], audited.EVERY)
+
+
+def test_sumo_drives_every_rare_event_and_a_share_of_frequent_ones(make_scenario):
+    short = make_scenario({"horizon_s = 10.0": "horizon_s = 1.0"})
+    x, _ = ce.draw(Problem(make_job(short, "idm", 0.5, "naive", 3, {})).base, 3, "estimate", 0, 0, 1)
+    with compiled(make_job(short, "idm", 1e9, "naive", 3, {})) as world:  # every rollout is an event
+        for chunk in range(1, 3):
+            world.begin_chunk()
+            for seed in range(11, 20 + audited.EVENTS):
+                world.run(x[0], seed)
+            assert world.in_sumo == chunk * (audited.EVENTS + 1)  # and noise seed 20
+    with in_sumo(make_job(short, "idm", 0.5, "naive", 3, {})) as world:
+        world.run(x[0], 7)
+        assert world.in_sumo == 1
 
 
 def test_searched_noise_is_a_part_of_x_and_the_same_in_both_worlds(make_scenario):

@@ -36,6 +36,7 @@ CHANGES = {
     "digest": "0124",
     "worker": "x",
     "checksum": "00",
+    "in_sumo": 2,
 }
 
 

@@ -145,7 +145,7 @@ def test_iterations_are_of_the_present_epoch(store):
 def test_cost_is_summed_over_what_is_not_void(store):
     put(store, "a", chunk(0, 4))
     put(store, "a", chunk(4, 3))
-    assert store.cost("a") == (1.0, 0 + 1 + 2 + 3 + 0 + 1 + 2)
+    assert store.cost("a") == (1.0, 0 + 1 + 2 + 3 + 0 + 1 + 2, 7)
 
 
 def test_one_scheduler_at_a_time(store, url):

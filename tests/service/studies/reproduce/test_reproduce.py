@@ -11,8 +11,8 @@ from click.testing import CliRunner
 
 from service.errors import InputError, StoreError
 from service.evaluation import recorded
-from service.evaluation.job import Problem, make_job, without_sumo
-from service.evaluation.pool import in_sumo, run_chunk
+from service.evaluation.job import Problem, compiled, in_sumo, make_job
+from service.evaluation.pool import run_chunk
 from service.evaluation.store import RunDirectory
 from service.front.cli.main import main
 from service.studies.reproduce import qualitative
@@ -49,7 +49,7 @@ class Here:
 
     def __init__(self, job, workers, open_world):
         problem = Problem(job)
-        alone = open_world is without_sumo
+        alone = open_world is compiled
         self._world = (
             WithoutSumo(job.scenario, problem.corridor, problem.drivers, job.ego)
             if alone
@@ -105,7 +105,7 @@ def test_a_plan_goes_on_where_it_was_interrupted_and_comes_to_the_same(plan, tmp
     assert naive.rollouts == 40
     more = accumulate(
         msgspec.structs.replace(plan.truth, rollouts=80),
-        truth_path(plan.truth, tmp_path / "a" / "truths"), 1, without_sumo, Watch(),
+        truth_path(plan.truth, tmp_path / "a" / "truths"), 1, compiled, Watch(),
     )  # fmt: skip
     assert more.rollouts == 80
     assert more.at(plan.gammas, 60)["events"].tolist() == first.truth.at(plan.gammas)["events"].tolist()
@@ -165,9 +165,7 @@ def test_the_black_box_answers_a_plan_s_rollouts(scenario_file, tmp_path):
     with black_box("hidden"):
         truth = Truth(scenario=scenario_file, ego="zenoh:hidden", rollouts=4)
         hidden = accumulate(truth, tmp_path / "hidden.npz", 1, in_sumo, Watch())
-    known = accumulate(
-        msgspec.structs.replace(truth, ego="idm"), tmp_path / "idm.npz", 1, without_sumo, Watch()
-    )
+    known = accumulate(msgspec.structs.replace(truth, ego="idm"), tmp_path / "idm.npz", 1, compiled, Watch())
     assert hidden.rollouts == known.rollouts == 4
     assert hidden.ran.outcomes == known.ran.outcomes
     assert hidden.lowest(4).tolist() == known.lowest(4).tolist()
