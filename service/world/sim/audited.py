@@ -46,7 +46,7 @@ class Audited(Closing):
         """The rollout of `x` (d,); SimulationError where the two worlds differ in a bit."""
         rollout = self._alone.run(x, noise_seed)
         if self._matters(rollout.f, int(noise_seed)):
-            self._compare(rollout, x, int(noise_seed))
+            self._compare(rollout, x, noise_seed)
         return rollout
 
     def _matters(self, f: float, noise_seed: int) -> bool:
@@ -55,7 +55,7 @@ class Audited(Closing):
         self._events += 1
         return self._events <= EVENTS or noise_seed % EVERY_EVENT == 0
 
-    def _compare(self, rollout: Rollout, x: np.ndarray, noise_seed: int) -> None:
+    def _compare(self, rollout: Rollout, x: np.ndarray, noise_seed: Noise) -> None:
         if self._simulator is None:
             self._simulator = self._open()
         again = self._simulator.run(x, noise_seed)
