@@ -143,7 +143,7 @@ def resume(
     ego: needed again where the run's ego was an object of the Python process that began it; in_sumo: as of `estimate`;
     the rest as of `carry_out`.
     """
-    with RunDirectory.open(Path(path)) as store:
+    with RunDirectory.open(Path(path), to_go_on=True) as store:
         for job in store.jobs:
             if ego is not None:
                 give_again(job.ego, ego)

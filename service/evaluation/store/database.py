@@ -94,6 +94,14 @@ def insert_once(engine: sa.Engine, table: sa.Table) -> postgresql.Insert | sqlit
     return kind.insert(table).on_conflict_do_nothing()
 
 
+def add_to_tally(engine: sa.Engine) -> postgresql.Insert | sqlite.Insert:
+    """An insert into tallies that adds to a row that is there already."""
+    kind = postgresql if engine.dialect.name == "postgresql" else sqlite
+    row = kind.insert(tables.tallies)
+    more = {"chunks": tables.tallies.c.chunks + row.excluded.chunks}
+    return row.on_conflict_do_update(index_elements=[tables.tallies.c.job], set_=more)
+
+
 def reason(error: Exception) -> str:
     """What the database itself said."""
     return str(error.__cause__ or error).strip()

@@ -10,18 +10,23 @@ goes on from its last finished chunk.
 
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
 import msgspec
+import sqlalchemy as sa
 
 from service.closing import Closing
 from service.errors import StoreError
+from service.evaluation.differences import first_difference
 from service.evaluation.job import Job
+from service.evaluation.software import software
+from service.evaluation.store.beginnings import Beginnings, beginning_row
 from service.evaluation.store.chunk import HERE, Chunk
-from service.evaluation.store.database import open_engine, sqlite_url
+from service.evaluation.store.database import open_engine, sqlite_url, writing
 from service.evaluation.store.records import ChunkRecord
+from service.evaluation.store.tables import beginnings
 
 FORMAT = 1
 RECORD = "rollouts.sqlite"
@@ -48,6 +53,7 @@ class RunDirectory(Closing):
         except StoreError as error:
             raise StoreError(f"{error}; check the folder, or start a new run with another --out") from error
         self._record = ChunkRecord(self._engine)
+        self._beginnings = Beginnings(self._engine)
 
     @classmethod
     def create(cls, path: Path, jobs: tuple[Job, ...]) -> "RunDirectory":
@@ -67,6 +73,7 @@ class RunDirectory(Closing):
                     f"{path / RECORD} holds rollouts, and the run.json that says of what is not there; take it from a "
                     "copy, or give another --out"
                 )
+            found._begin()
             part = path / "run.json.part"
             part.write_bytes(msgspec.json.format(msgspec.json.encode(_Run(FORMAT, jobs)), indent=2) + b"\n")
             part.replace(path / "run.json")
@@ -76,21 +83,26 @@ class RunDirectory(Closing):
 
     @classmethod
     def open_or_create(cls, path: Path, jobs: tuple[Job, ...]) -> "RunDirectory":
-        """The run directory of these jobs, new or from before; StoreError where it belongs to other jobs."""
+        """The run directory of these jobs, new or from before, to go on with; StoreError where it belongs to other jobs
+        or was begun with other software."""
         if not (path / "run.json").exists():
             return cls.create(path, jobs)
-        store = cls.open(path)
-        if store.jobs != jobs:
+        store = cls.open(path, to_go_on=True)
+        other = _other_question(store.jobs, jobs)
+        if other:
             store.close()
             raise StoreError(
-                f"{path} holds a run of another question, or was begun with another version of the scenario, the "
-                "drivers or tailroad; give another --out, or remove it"
+                f"{path} holds a run of another question, {other}; give another --out, or remove it"
             )
         return store
 
     @classmethod
-    def open(cls, path: Path) -> "RunDirectory":
-        """An existing run directory; StoreError if it is not one."""
+    def open(cls, path: Path, to_go_on: bool = False, checked: bool = True) -> "RunDirectory":
+        """An existing run directory; StoreError if it is not one, or is not as it was begun.
+
+        to_go_on: for more rollouts, which takes the software it was begun with, and runs again what is missing;
+        checked: False to look at one that is not as it must be (`wrong`)
+        """
         try:
             run = msgspec.json.decode((path / "run.json").read_bytes(), type=_Run)
         except FileNotFoundError as error:
@@ -100,9 +112,70 @@ class RunDirectory(Closing):
         if run.format != FORMAT:
             raise StoreError(f"{path} has run format {run.format}; this tailroad reads format {FORMAT}")
         found = cls(path, run.jobs)
+        try:
+            if checked:
+                found._check(to_go_on)
+        except BaseException:
+            found.close()
+            raise
         if old := found.record.without_checksum():
             _tell_old(path, old)
         return found
+
+    def wrong(self) -> list[str]:
+        """What is not as it was begun, a sentence each."""
+        return [*self._edited(), *self._lost()]
+
+    def _check(self, to_go_on: bool) -> None:
+        if edited := self._edited():
+            raise StoreError(f"{edited[0]}; put it back, or start a new run with another --out")
+        lost = self._lost()
+        if lost and not to_go_on:
+            raise StoreError(
+                f"{lost[0]}; `tailroad estimate --resume {self.path}` runs them again, to the same bits, or take the "
+                "file from a copy"
+            )
+        if not to_go_on:
+            return
+        for name, beginning in self._beginnings.all().items():
+            if other := software().differs_from(beginning.software):
+                raise StoreError(
+                    f"job {name} in {self.path} was begun with other software, and more rollouts would not be of one "
+                    f"kind: here is {other}; go on with what it was begun with, or start a new run with another --out"
+                )
+        for line in lost:
+            log.warning("%s; they are run again", line)
+        for job in self.record.missing():
+            self.record.count_anew(job)
+
+    def _begin(self) -> None:
+        """Write down what the jobs are begun with."""
+        with writing(self._engine) as connection:
+            connection.execute(sa.delete(beginnings))  # of a run that was killed before it was described
+            connection.execute(sa.insert(beginnings), [beginning_row(job.id, job) for job in self.jobs])
+
+    def _edited(self) -> list[str]:
+        begun = self._beginnings.all()
+        if not begun:  # of before it was written down
+            return []
+        there = {job.id: job for job in self.jobs}
+        if there.keys() != begun.keys():
+            return [
+                f"{self.path / 'run.json'} has jobs {_list(there)}, and the run was begun with {_list(begun)}"
+            ]
+        changes = ((name, begun[name].differs_from(job)) for name, job in there.items())
+        return [
+            f"{self.path / 'run.json'} says {other.path} = {other.now} of job {name}, and its rollouts are of "
+            f"{other.path} = {other.then}"
+            for name, other in changes
+            if other is not None
+        ]
+
+    def _lost(self) -> list[str]:
+        return [
+            f"{self.path / RECORD} has lost {count} chunks of rollouts of job {name} that were once recorded"
+            for name, count in self.record.missing().items()
+        ]
 
     def close(self) -> None:
         self._engine.dispose()
@@ -146,6 +219,20 @@ class RunDirectory(Closing):
     def all_chunks(self, job_id: str) -> Iterator[tuple[str, int, Chunk]]:
         """Every recorded chunk of a job as (phase, iteration, chunk)."""
         return self._record.all_chunks(job_id)
+
+
+def _other_question(then: tuple[Job, ...], now: tuple[Job, ...]) -> str:
+    """Where two runs' questions differ, in a few words, "" for one question."""
+    if len(then) != len(now):
+        return f"of {len(then)} jobs, not {len(now)}"
+    for one, other in zip(then, now, strict=True):
+        if (found := first_difference(one, other)) is not None:
+            return f"with {found.path} = {found.then} and not {found.now}"
+    return ""
+
+
+def _list(names: Iterable[str]) -> str:
+    return ", ".join(sorted(names)) or "none"
 
 
 def _refuse_without_record(file: Path) -> None:

@@ -13,6 +13,7 @@ import ce
 from service.closing import Closing
 from service.errors import StoreError
 from service.evaluation.job import Job
+from service.evaluation.store.beginnings import Beginnings, beginning_row
 from service.evaluation.store.chunk import Chunk, Origin, checksum_of, same_checksum
 from service.evaluation.store.claim import Claim
 from service.evaluation.store.database import (
@@ -28,6 +29,7 @@ from service.evaluation.store.records import ChunkRecord
 from service.evaluation.store.states import StateRecord
 from service.evaluation.store.tables import (
     audits,
+    beginnings,
     chunks,
     events,
     iterations,
@@ -109,6 +111,7 @@ class JobStore(Closing):
         self._engine = open_engine(url, lock_wait_s, new)
         self.chunks = ChunkRecord(self._engine)
         self.states = StateRecord(self._engine)
+        self.beginnings = Beginnings(self._engine)
 
     def close(self) -> None:
         self._engine.dispose()
@@ -129,6 +132,7 @@ class JobStore(Closing):
                 row = {"id": job_id, "number": number, "spec": spec, "priority": priority, "weight": weight,
                        "label": label, "at": now}  # fmt: skip
                 connection.execute(sa.insert(jobs), row)
+                connection.execute(sa.insert(beginnings), beginning_row(job_id, job))
                 _add_event(connection, job_id, STATUS, {"status": status, "reason": ""}, now)
         except IntegrityError as error:
             raise StoreError(f"there is a job {job_id!r} already") from error

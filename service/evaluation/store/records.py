@@ -1,6 +1,7 @@
 """The chunks of a database: added once, read back to the bit."""
 
 import hashlib
+from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
 
 import sqlalchemy as sa
@@ -8,8 +9,8 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from service.errors import StoreError
 from service.evaluation.store.chunk import Chunk, Origin, chunk_of, row_of
-from service.evaluation.store.database import insert_once, reason, shown, writing
-from service.evaluation.store.tables import chunks, voids
+from service.evaluation.store.database import add_to_tally, insert_once, reason, shown, writing
+from service.evaluation.store.tables import chunks, tallies, voids
 
 _KEY = ("job", "phase", "iteration", "start", "epoch")
 
@@ -25,7 +26,9 @@ class ChunkRecord:
         rows = [row_of(*one) for one in finished]
         try:
             with writing(self._engine) as connection:
-                connection.execute(insert_once(self._engine, chunks), rows)
+                added = connection.execute(insert_once(self._engine, chunks).returning(chunks.c.job), rows)
+                for job, count in Counter(added.scalars()).items():
+                    connection.execute(add_to_tally(self._engine), {"job": job, "chunks": count})
         except SQLAlchemyError as error:
             raise StoreError(f"cannot record rollouts in {shown(self._engine)}: {reason(error)}") from error
 
@@ -79,6 +82,23 @@ class ChunkRecord:
         """The jobs of which there are chunks."""
         for row in self._read(sa.select(chunks.c.job).distinct()):
             yield row.job
+
+    def missing(self) -> dict[str, int]:
+        """How many chunks that were once recorded are not there any more, by job; jobs that miss none are left out."""
+        there = (
+            sa.select(sa.func.count()).where(chunks.c.job == tallies.c.job).scalar_subquery().label("there")
+        )
+        rows = self._read(sa.select(tallies.c.job, tallies.c.chunks, there))
+        return {row.job: row.chunks - row.there for row in rows if row.chunks > row.there}
+
+    def count_anew(self, job: str) -> None:
+        """Take the chunks of the job that are there for all that were recorded."""
+        there = sa.select(sa.func.count()).where(chunks.c.job == job).scalar_subquery()
+        try:
+            with writing(self._engine) as connection:
+                connection.execute(sa.update(tallies).where(tallies.c.job == job).values(chunks=there))
+        except SQLAlchemyError as error:
+            raise StoreError(f"cannot count rollouts in {shown(self._engine)}: {reason(error)}") from error
 
     def without_checksum(self) -> int:
         """Chunks that were recorded before there were checksums."""

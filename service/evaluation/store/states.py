@@ -12,6 +12,7 @@ import sqlalchemy as sa
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.errors import StoreError
+from service.evaluation.software import software
 from service.evaluation.store.database import read_rows, reason, shown, writing
 from service.evaluation.store.tables import states
 
@@ -46,7 +47,7 @@ class KeptState(msgspec.Struct, frozen=True):
 
 
 class StateRecord:
-    """The table of last states, as far as this version of tailroad has written it: another may come to other states."""
+    """The table of last states. One that other software has written is not used: that may come to other states."""
 
     def __init__(self, engine: sa.Engine):
         self._engine = engine
@@ -55,7 +56,7 @@ class StateRecord:
         """Keep a state in place of the one that is there; one that is sound and of the same record stays, unless it is
         the one that this tailroad cannot read."""
         row = msgspec.structs.asdict(last) | {
-            "tailroad": version("tailroad"),
+            "tailroad": software().digest,
             "checksum": last.checksum(),
             "at": datetime.now(UTC).isoformat(timespec="milliseconds"),
         }
@@ -76,15 +77,17 @@ class StateRecord:
         """The state that is kept of an epoch of the job, where there is one."""
         for row in read_rows(self._engine, sa.select(states).where(self._of(job, epoch))):
             last = LastState(row.job, row.epoch, row.number, row.record, row.state)
-            return KeptState(last, row.checksum == last.checksum())
+            return KeptState(last, row.tailroad == software().digest and row.checksum == last.checksum())
         return None
 
     def without_checksum(self) -> list[str]:
         """The jobs of which a state is kept that was written before there were checksums."""
-        query = sa.select(states.c.job).where(
-            states.c.checksum == "", states.c.tailroad == version("tailroad")
-        )
+        query = sa.select(states.c.job).where(states.c.checksum == "", self._written_here())
         return sorted({row.job for row in read_rows(self._engine, query)})
 
     def _of(self, job: str, epoch: int) -> sa.ColumnElement[bool]:
-        return sa.and_(states.c.job == job, states.c.epoch == epoch, states.c.tailroad == version("tailroad"))
+        return sa.and_(states.c.job == job, states.c.epoch == epoch, self._written_here())
+
+    def _written_here(self) -> sa.ColumnElement[bool]:
+        """By this software, or by this version of tailroad when that was all that was written down."""
+        return states.c.tailroad.in_((software().digest, version("tailroad")))

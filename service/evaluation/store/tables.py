@@ -1,4 +1,5 @@
-"""The tables of a record, the same in SQLite and PostgreSQL. Rows are added, never changed or removed.
+"""The tables of a record, the same in SQLite and PostgreSQL. Rows are added, never changed or removed, but for tallies,
+which count them.
 
 A chunk counts unless it is voided: a chunk of a worker that was found wrong is voided, and run again in the job's next
 epoch. Of iterations the last row counts. States only spare a replay: what they say follows from the chunks, and
@@ -107,11 +108,28 @@ states = sa.Table(
     metadata,
     _key("job"),
     _key("epoch", sa.Integer),
-    _key("tailroad"),  # the version that wrote it: another one may come to another state
+    _key("tailroad"),  # digest of the software that wrote it: another one may come to another state
     sa.Column("number", sa.Integer, nullable=False),  # of batches taken in
     # of the algorithm after them, as its to_bytes writes it
     sa.Column("state", sa.LargeBinary, nullable=False),
     sa.Column("at", sa.Text, nullable=False),
     sa.Column("record", sa.Text, nullable=False, server_default=""),  # digest of the chunks it follows from
     sa.Column("checksum", sa.Text, nullable=False, server_default=""),  # of all the row says
+)
+
+beginnings = sa.Table(
+    "beginnings",
+    metadata,
+    _key("job"),
+    sa.Column("spec", sa.Text, nullable=False),  # service.evaluation.job.Job as JSON, as it was asked for
+    sa.Column("software", sa.Text, nullable=False),  # service.evaluation.software.Software as JSON
+    sa.Column("at", sa.Text, nullable=False),
+    sa.Column("checksum", sa.Text, nullable=False),  # of all the row says
+)
+
+tallies = sa.Table(
+    "tallies",
+    metadata,
+    _key("job"),
+    sa.Column("chunks", sa.Integer, nullable=False),  # of the job that were ever recorded
 )

@@ -8,12 +8,12 @@ from service.analysis.wording import quantity
 from service.front.cli.client_options import client_options, echo_json
 from service.front.cli.options import json_option
 from service.front.cli.tables import whole
-from service.remote.api.objects import Job, Jobs
+from service.remote.api.objects import STATUSES, Job, Jobs
 from service.remote.client import Client
 
 
 @click.command()
-@click.option("--status", type=click.Choice(("running", "paused", "done", "cancelled", "failed")),
+@click.option("--status", type=click.Choice(STATUSES),
               help="Only jobs of this status.")  # fmt: skip
 @click.option("--label", help="Only jobs whose label holds this text.")
 @click.option("--limit", type=click.IntRange(1), default=100, show_default=True, help="The last so many.")

@@ -33,6 +33,8 @@ LOOPBACK = ("/127.", "/localhost:", "/[::1]")
 @api_options()
 @click.option("--audit-share", type=click.FloatRange(0, 1), default=0.02, show_default=True,
               help="Share of the chunks that a second worker runs again, to compare.")  # fmt: skip
+@click.option("--verify-seconds", type=click.FloatRange(0, 3600), default=5.0, show_default=True,
+              help="How long the record is checked before the start; `tailroad verify` checks all.")  # fmt: skip
 @click.option("--chunk-seconds", type=click.FloatRange(0.01, 600), default=1.0, show_default=True,
               help="Work of a chunk: what a lost worker costs, and how often one asks.")  # fmt: skip
 @click.option("--dashboard", metavar="[HOST:]PORT|off", callback=address_or_off,
@@ -54,6 +56,7 @@ def command(
     database: str | None,
     workers: int | None,
     audit_share: float,
+    verify_seconds: float,
     chunk_seconds: float,
     dashboard: str | None,
     zenoh_config: str | None,
@@ -70,6 +73,7 @@ def command(
     from service.evaluation.store.jobs import JobStore
     from service.logs import log_to_stderr
     from service.remote.api.server import Api
+    from service.remote.fleet.first_look import first_look, log_look
     from service.remote.fleet.hub import Hub
     from service.remote.fleet.policy import Policy
     from service.remote.fleet.service import Fleet
@@ -102,6 +106,8 @@ def command(
     with ExitStack() as stack:
         store = stack.enter_context(JobStore(database or sqlite_url(home / "fleet.sqlite")))
         stack.callback(store.claim().close)
+        if verify_seconds > 0.0:
+            log_look(first_look(store, verify_seconds))
         hub = Hub(
             store,
             Policy(

@@ -35,9 +35,13 @@ def command(run: Path | None, database: str | None, sample: int, workers: int | 
     processes = workers or core_count()
     damaged = 0
     if run is not None:
-        with RunDirectory.open(run) as store:
+        with RunDirectory.open(run, checked=False) as store:
+            wrong = store.wrong()
+            for line in wrong:
+                click.echo(line)
             for job in store.jobs:
                 damaged += _tell(verify(job.id, job, store.record.rows(job.id), sample, processes))
+            damaged = damaged or bool(wrong)
     else:
         damaged = _of_service(str(database), sample, processes)
     if damaged:
@@ -74,6 +78,17 @@ def _beside(store: "JobStore", job: str) -> list[str]:
     from service.errors import StoreError
 
     wrong = []
+    try:
+        begun, row = store.beginnings.of(job), store.job(job)
+        other = begun.differs_from(row.job) if begun is not None and row is not None else None
+        if other is not None:
+            wrong.append(
+                f"the database says {other.path} = {other.now}, and it was begun with {other.path} = {other.then}"
+            )
+    except StoreError as error:
+        wrong.append(str(error))
+    if lost := store.chunks.missing().get(job):
+        wrong.append(f"the record has lost {lost} chunks of rollouts that were once recorded")
     try:
         store.iterations(job, limit=2**31 - 1)
     except StoreError as error:

@@ -11,7 +11,7 @@ from service.remote.api.objects import OVER
 from service.remote.client import Client
 
 COMMON = ("budget", "rel_error", "confidence")
-LOST = ("failed", "cancelled")  # such a job is submitted anew
+LOST = ("failed", "cancelled", "needs-restart")  # such a job is submitted anew
 
 
 def submit_all(client: Client, name: str, cells: Sequence[Cell]) -> list[str]:

@@ -7,8 +7,8 @@ import msgspec
 from service.analysis.estimated import Estimated
 from service.analysis.failures.playback import Playback
 
-STATUSES = ("running", "paused", "done", "cancelled", "failed")
-OVER = ("done", "cancelled", "failed")
+STATUSES = ("running", "paused", "done", "cancelled", "failed", "needs-restart")
+OVER = ("done", "cancelled", "failed", "needs-restart")
 
 
 class _Body(msgspec.Struct, frozen=True, kw_only=True):
@@ -51,7 +51,7 @@ class Job(_Body, frozen=True):
     priority: int
     weight: float
     at: str  # when it was submitted, UTC
-    status: Literal["running", "paused", "done", "cancelled", "failed"]
+    status: Literal["running", "paused", "done", "cancelled", "failed", "needs-restart"]
     reason: str
     rollouts: int | None
     leases: int

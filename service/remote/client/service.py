@@ -121,7 +121,7 @@ class RemoteRun:
 
     @property
     def status(self) -> str:
-        """running, paused, done, cancelled or failed."""
+        """running, paused, done, cancelled, failed or needs-restart."""
         return self.client.job(self.job).status
 
     @property

@@ -3,6 +3,7 @@
 import os
 import shutil
 import socket
+from importlib.metadata import version
 from importlib.util import find_spec
 
 from service.remote.fleet.messages import Capabilities
@@ -17,7 +18,7 @@ def capabilities(procs: int) -> Capabilities:
         egos=tuple(usable_egos()),
         camera=find_spec("cv2") is not None,
         gpu=shutil.which("nvidia-smi") is not None,
-        versions=versions(),
+        versions=versions() | {"tailroad": version("tailroad")},
         host=socket.gethostname(),
         pid=os.getpid(),
     )

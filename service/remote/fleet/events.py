@@ -180,7 +180,7 @@ class Send:
 
 @dataclass(frozen=True)
 class SetStatus:
-    """The job's status for all to see: running, paused, done, cancelled or failed."""
+    """The job's status for all to see: running, paused, done, cancelled, failed or needs-restart."""
 
     job: str
     status: str

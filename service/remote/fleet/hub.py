@@ -35,6 +35,7 @@ from service.remote.fleet.messages import (
 from service.remote.fleet.policy import STANDARD, Policy
 from service.remote.fleet.scheduler import Scheduler
 from service.remote.fleet.statistics import Statistics, Stopping
+from service.remote.fleet.stock import take_stock
 from service.remote.fleet.versions import digests, versions
 from service.world.egos.open import REMOTE
 
@@ -116,7 +117,7 @@ class Hub:
         """Take up every job of the database that is not over, and go."""
         if old := self.store.chunks.without_checksum():
             log.warning("%d chunks were recorded before there were checksums; they are read as they are", old)
-        for row in self.store.jobs_with(OPEN):
+        for row in take_stock(self.store):
             self.take_up(row)
         self._thread.start()
         self._healing.start()

@@ -45,7 +45,7 @@ class JobView(msgspec.Struct, frozen=True):
     priority: int
     weight: float
     at: str
-    status: str  # running, paused, done, cancelled or failed
+    status: str  # running, paused, done, cancelled, failed or needs-restart
     reason: str
     rollouts: int | None = None  # None for a job that is over; the estimate has them
     leases: int = 0

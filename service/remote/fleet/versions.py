@@ -3,21 +3,19 @@
 import hashlib
 from dataclasses import fields
 from functools import cache
-from importlib.metadata import version
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 
 import numpy as np
 
 from service.evaluation.job import Problem
-
-SOFTWARE = ("tailroad", "libsumo", "numpy", "numba")
+from service.evaluation.software import software
 
 
 @cache
 def versions() -> dict[str, str]:
-    """Of this installation: software by version, the shipped weights by digest."""
-    return {name: version(name) for name in SOFTWARE} | {"weights": _weights_digest()}
+    """What must be the same on workers and scheduler: code and libraries that decide bits, the shipped weights."""
+    return software().named() | {"weights": _weights_digest()}
 
 
 def _weights_digest() -> str:

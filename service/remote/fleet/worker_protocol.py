@@ -59,8 +59,8 @@ class WorkerProtocol:
         for what, ours in self._state.versions.items():
             if theirs.get(what) != ours:
                 reason = (
-                    f"worker {message.worker} has {what} {theirs.get(what, 'unknown')}, the scheduler {ours}; "
-                    "install the same tailroad with the same constraints on both"
+                    f"worker {message.worker} has {what} {theirs.get(what, 'unknown')}, the scheduler {ours}, so that "
+                    "its rollouts may have other bits; install the same tailroad with the same constraints on both"
                 )
                 self._state.send(request, Refused(reason))
                 return

@@ -4,7 +4,6 @@ Names do not decide rollouts, nor do descriptions, nor values that a scenario le
 scenario may be renamed and the schema may grow. Defaults therefore stay what they are once they are released.
 """
 
-import ast
 import hashlib
 from collections.abc import Iterable
 from pathlib import Path
@@ -14,6 +13,7 @@ import msgspec
 
 from policies.drivers import WEIGHTS_FOLDER
 from service.evaluation.job import Job, Problem
+from service.evaluation.sources import code_alone
 from service.world.egos.sumo import PREFIX as SUMO
 from service.world.scenario.schema import Scenario
 from service.world.sim.road import road_of
@@ -25,8 +25,6 @@ CAMERA_WEIGHTS = ".onnx"  # the shipped egos with a camera are networks in this 
 # The code of egos that no compiled rollout repeats bit for bit, so that no audit notices when it changes.
 SUMO_CODE = ("service/world/egos/sumo.py", "service/world/sim/sumo.py")
 CAMERA_CODE = ("policies/egos/vision.py", "service/world/camera/*.py")
-OF_TYPES = ("typing", "collections.abc", "__future__")  # imports that decide nothing
-NO_DEEDS = {"annotation", "returns", "type_comment", "type_params", "kind", "ctx"}  # fields of syntax trees
 NOT_SEEN_BY_EGOS = ("__init__.py", "export.py", "sheet.py", "start.py")  # of the camera's
 
 
@@ -85,38 +83,3 @@ def _code(patterns: Iterable[str]) -> Iterable[bytes]:
         for path in sorted(SOURCES.glob(pattern)):
             if path.name not in NOT_SEEN_BY_EGOS:
                 yield code_alone(path.read_text(encoding="utf-8")).encode()
-
-
-def code_alone(source: str) -> str:
-    """What a source does, without comments, docstrings, types and form: the same for every Python that can read it."""
-    return _said(ast.parse(source))
-
-
-def _said(node: Any) -> str:
-    if isinstance(node, list):
-        return "[" + ";".join(said for said in map(_said, node) if said) + "]"
-    if not isinstance(node, ast.AST):
-        return repr(node)
-    if isinstance(node, ast.ImportFrom) and node.module in OF_TYPES:
-        return ""
-    if isinstance(node, ast.AnnAssign):
-        if node.value is None:
-            return ""
-        node = ast.Assign([node.target], node.value)
-    parts = []
-    for name in node._fields:
-        value = getattr(node, name, None)
-        if name == "body" and isinstance(value, list) and _is_docstring(value):
-            value = value[1:]
-        if name not in NO_DEEDS and value not in (None, []):
-            parts.append(f"{name}={_said(value)}")
-    return f"{type(node).__name__}({','.join(parts)})"
-
-
-def _is_docstring(body: list[Any]) -> bool:
-    first = body[0] if body else None
-    return (
-        isinstance(first, ast.Expr)
-        and isinstance(first.value, ast.Constant)
-        and isinstance(first.value.value, str)
-    )

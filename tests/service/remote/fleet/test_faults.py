@@ -245,9 +245,9 @@ def test_wrong_values_are_found_by_an_audit_and_all_of_that_worker_s_chunks_are_
 
 def test_a_worker_of_another_version_is_refused_with_what_differs(tmp_path):
     with light_fleet(tmp_path, POLICY) as fleet:
-        worker = LightWorker(fleet.port, "old", made_of=versions() | {"tailroad": "0.0.1"})
+        worker = LightWorker(fleet.port, "old", made_of=versions() | {"numpy": "1.99"})
         worker.join()
-        assert "worker old has tailroad 0.0.1, the scheduler" in worker.refusal
+        assert "worker old has numpy 1.99, the scheduler" in worker.refusal
         assert fleet.fleet.workers() == []
 
 

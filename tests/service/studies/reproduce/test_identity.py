@@ -6,7 +6,8 @@ import msgspec
 import pytest
 
 from service.evaluation.job import Job, make_job
-from service.studies.reproduce.identity import code_alone, decisive, digest_of
+from service.evaluation.sources import code_alone
+from service.studies.reproduce.identity import decisive, digest_of
 from service.studies.reproduce.local import truth_path
 from service.studies.reproduce.plans import Truth, plans_of
 from service.studies.reproduce.truth import read_truth, truth_job
