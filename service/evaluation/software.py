@@ -18,6 +18,7 @@ LIBRARIES = ("numpy", "numba", "scipy", "onnxruntime", "libsumo")
 PARTS = {
     "world": (
         "service/world/agents.py",
+        "service/world/paths/*.py",
         "service/world/scenario/*.py",
         "service/world/sensors/*.py",
         "service/world/sim/*.py",
@@ -28,7 +29,7 @@ PARTS = {
     "measures": ("service/world/safety/*.py",),
     "egos": ("policies/egos/*.py", "policies/baselines/idm_mobil.py", "service/world/egos/*.py"),
     "estimators": (
-        "ce/*.py",
+        "ce/**/*.py",
         "service/evaluation/evaluate.py",
         "service/evaluation/job.py",
         "service/evaluation/options.py",
