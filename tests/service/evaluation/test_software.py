@@ -13,7 +13,13 @@ from service.evaluation.software import BESIDE, PARTS, SOURCES, Software, softwa
 
 HERE = Software({"world": "a", "egos": "b"}, {"numpy": "2.1.0", "scipy": "1.17"})
 # Sources with compiled code that no rollout of a job calls.
-OTHER_PROGRAMS = ("policies/data/", "policies/realism/", "policies/baselines/fit.py", "service/studies/", "service/training/")  # fmt: skip
+OTHER_PROGRAMS = (
+    "policies/data/",
+    "policies/realism/",
+    "policies/baselines/fit.py",
+    "service/studies/",
+    "service/training/",
+)
 NO_CODE = {"service/world/__init__.py", "service/closing.py", "service/errors.py"}
 
 

@@ -26,7 +26,8 @@ EDITS = {
     "gamma": ('"gamma": 0.5', '"gamma": 0.7', "gamma = 0.7", "gamma = 0.5"),
     "ego": ('"ego": "idm"', '"ego": "lidar"', 'ego = "lidar"', 'ego = "idm"'),
     "options": ('"budget": 100', '"budget": 200', "options.budget = 200", "options.budget = 100"),
-    "scenario": ('"horizon_s": 10.0', '"horizon_s": 9.0', "scenario.time.horizon_s = 9.0", "scenario.time.horizon_s = 10.0"),
+    "scenario": ('"horizon_s": 10.0', '"horizon_s": 9.0', "scenario.time.horizon_s = 9.0",
+                 "scenario.time.horizon_s = 10.0"),
     "weights": ('"weights_sha256": "', '"weights_sha256": "00', 'weights_sha256 = "00', 'weights_sha256 = "'),
 }  # fmt: skip
 

@@ -106,7 +106,7 @@ def test_serve_says_what_needs_a_restart_before_it_begins_and_what_is_damaged(tm
         begin_with(file, EARLIER)
         process = serve(home, port)
         process.wait_line("serving on")
-        said = "".join(process.lines[: [i for i, x in enumerate(process.lines) if "serving on" in x][0]])
+        said = "".join(process.lines[: next(i for i, x in enumerate(process.lines) if "serving on" in x)])
         assert f"job {JOB} is needs-restart: it was begun with other software" in said
         assert "1 chunks of 2 jobs were checked before the start" in said
         assert "job bad: the record of rollouts 0 to 4" in said
