@@ -1,10 +1,10 @@
 """Reference drivers: what a competent human would have done in a conflict, by published models with their constants.
 
-    r157-cc         competent and careful human driver of UN Regulation 157
-    r157-cc-aeb     the same with automatic emergency braking
-    r157-5.2.5.2    the bound of the regulation's paragraph on cut-ins, as a driver
-    fsm             fuzzy safety model of the Joint Research Centre
-    rss             responsibility-sensitive safety
+r157-cc         competent and careful human driver of UN Regulation 157
+r157-cc-aeb     the same with automatic emergency braking
+r157-5.2.5.2    the bound of the regulation's paragraph on cut-ins, as a driver
+fsm             fuzzy safety model of the Joint Research Centre
+rss             responsibility-sensitive safety
 """
 
 from collections.abc import Callable

@@ -78,4 +78,3 @@ def collides(case: CutIn, driver: ReferenceDriver, critical_s: float = math.inf)
         acceleration, speed = (faster - speed) / STEP_S, faster
         ahead += (other_speed - speed) * STEP_S
     return False
-

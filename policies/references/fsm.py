@@ -1,4 +1,4 @@
-"""`fsm`: the fuzzy safety model of the Joint Research Centre, a driver who brakes early and gently, or late and hard."""
+"""`fsm`: the fuzzy safety model of the Joint Research Centre, which brakes early and gently, or late and hard."""
 
 import math
 from collections.abc import Sequence

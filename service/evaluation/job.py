@@ -12,7 +12,7 @@ import msgspec
 
 import ce
 from policies.drivers import DriverModel, load_drivers
-from policies.egos import ego_digest
+from policies.egos import EgoPolicy, ego_digest
 from service.errors import InputError, StoreError
 from service.evaluation.options import options_of
 from service.world.egos.open import camera_elsewhere, check_ego, open_ego
@@ -148,15 +148,23 @@ class Problem:
                 "--out"
             )
 
-    def simulator(self, fcd: Path | None = None, gui: bool = False) -> Simulator:
-        """A simulator of this job's rollouts, for this process."""
+    def ego(self) -> EgoPolicy:
+        """The job's ego, a new one."""
         self.check_ego_weights()
-        ego = open_ego(self.job.ego, self.job.scenario, self.corridor)
+        return open_ego(self.job.ego, self.job.scenario, self.corridor)
+
+    def simulator(
+        self, fcd: Path | None = None, gui: bool = False, ego: EgoPolicy | None = None
+    ) -> Simulator:
+        """A simulator of this job's rollouts, for this process.
+
+        ego: to drive in place of the job's
+        """
         return Simulator(
             self.job.scenario,
             self.corridor,
             self.drivers,
-            ego,
+            ego or self.ego(),
             fcd=fcd,
             gui=gui,
             open_camera=camera_elsewhere(self.job.scenario),

@@ -53,7 +53,7 @@ def examine(
     traced: positions to return the traces of; these are always run
     watch: told of (done, total)
     """
-    sample = _sample(events, most)
+    sample = sample_of(events, most)
     positions = sorted({*sample.tolist(), *others, *traced})
     memory = Memory(events.record.job, folder)
     keys = {i: ((int(events.iterations[i]), int(events.rows[i])), float(events.f[i])) for i in positions}
@@ -74,7 +74,7 @@ def examine(
     return Examined(events, sample, again)
 
 
-def _sample(events: Events, most: int) -> np.ndarray:
+def sample_of(events: Events, most: int) -> np.ndarray:
     """The first rows, which are as good a sample as any; of chains, which remember, evenly spread ones."""
     n = len(events)
     if events.phase != CHAINS or n <= most:

@@ -92,6 +92,18 @@ def mode_share(examined: Examined, member: np.ndarray) -> tuple[float, float, fl
     return replicated_share(member, events.share[sample], events.replication[sample], events.replicated, sure)
 
 
+def share_within(examined: Examined, member: np.ndarray, whole: np.ndarray) -> tuple[float, float, float]:
+    """What part the sample's members (n, bool) have of the p of `whole` (n, bool), which holds them, with its
+    interval."""
+    events, sample = examined.events, examined.sample[whole]
+    sure = events.record.estimate.confidence
+    if events.replication is None or events.replicated is None:
+        return share_interval(member[whole], events.share[sample], sure)
+    every = examined.sample
+    of_whole = replicated_parts(whole, events.share[every], events.replication[every], events.replicated)
+    return replicated_share(member[whole], events.share[sample], events.replication[sample], of_whole, sure)
+
+
 def mode_p(
     examined: Examined, member: np.ndarray, share: tuple[float, float, float]
 ) -> tuple[float, tuple[float, float]]:

@@ -19,10 +19,14 @@ from service.analysis.failures.find import find_failures
 from service.analysis.failures.objects import Failures
 from service.analysis.failures.rerun import Rerunner
 from service.analysis.notebook import estimates_html
+from service.analysis.prevention.objects import Prevention
+from service.analysis.prevention.onset import TTC_S
+from service.analysis.prevention.prevent import DEFAULT
 from service.analysis.report import write_report
 from service.analysis.risk import Risk, risk_of
 from service.analysis.rollout_files import RolloutFiles
 from service.analysis.run.records import record_of, write_file
+from service.analysis.run.verdicts import prevention_of
 from service.errors import InputError
 from service.evaluation.endings import endings_of
 from service.evaluation.job import Job, Problem
@@ -138,6 +142,23 @@ class Run:
         with Rerunner(record.job, self.workers) as rerunner:
             found = find_failures(self.path.name, record, rerunner, by, limit, examine, self.path, watch)
         return found.failures
+
+    def prevent(
+        self,
+        references: Sequence[Any] = DEFAULT,
+        by: Order = "likelihood",
+        job: str | None = None,
+        examine: int = EXAMINED,
+        onset_ttc_s: float = TTC_S,
+        watch: Watch = look_away,
+    ) -> Prevention:
+        """What part of p a competent driver would have prevented: each dangerous rollout is driven again with the same
+        draw, the ego replaced from the onset of the conflict on.
+
+        references: reference drivers (`policies.references`) or egos; by, job, examine, watch: as of `failures`;
+        onset_ttc_s: time to collision at which a conflict begins, infinite for the rollout's start.
+        """
+        return prevention_of(self.path, job, references, by, examine, onset_ttc_s, self.workers, watch)
 
     def replay(self, rank: int, by: Order = "likelihood", job: str | None = None) -> "Replay":
         """The dangerous rollout at that rank of `failures`, to be looked at."""

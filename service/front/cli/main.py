@@ -14,6 +14,7 @@ SECTIONS = {
         "batch": "service.front.cli.batch",
         "compare": "service.front.cli.compare",
         "failures": "service.front.cli.failures",
+        "prevent": "service.front.cli.prevent",
         "replay": "service.front.cli.replay",
         "report": "service.front.cli.report",
         "export": "service.front.cli.export",

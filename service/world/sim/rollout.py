@@ -196,6 +196,10 @@ class Simulator:
         )
         if enter is not None:
             enter(self._sumo, own)
+        if (
+            see := getattr(ego, "see_world", None)
+        ) is not None:  # of a reference driver, which sees everybody
+            see(self._world)
 
     def __enter__(self) -> "Simulator":
         return self

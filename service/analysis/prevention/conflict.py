@@ -1,0 +1,170 @@
+"""Dangerous rollouts run again in worker processes: as they were, then with each reference driver from the onset on."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+
+import numpy as np
+
+from policies.egos import EgoPolicy
+from policies.references import REFERENCES, reference_driver
+from service.analysis.failures.motion import Motion, motion_of
+from service.analysis.prevention.onset import Onset, onset_of
+from service.analysis.trace import Trace, record
+from service.evaluation.job import Job, Problem
+from service.evaluation.process_pool import ProcessPool, TaskKind
+from service.evaluation.processes import context_for
+from service.world.egos.handover import Handover
+from service.world.egos.here import HERE
+from service.world.egos.open import check_ego, open_ego
+from service.world.egos.reference import ReferenceEgo
+from service.world.sim.rollout import Rollout, Simulator
+
+AT_ONCE = 4  # rollouts that a worker is given at once
+Draw = tuple[np.ndarray, int]  # x (d,) and the noise seed
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """A dangerous rollout that was run again.
+
+    f, outcome, error: as it was
+    motion: as of `service.analysis.failures`
+    onset: None where the rollout failed
+    driven: what it came to with each reference driver, by name; empty where it failed
+    """
+
+    f: float
+    outcome: str
+    error: str | None
+    motion: Motion | None = None
+    onset: Onset | None = None
+    driven: dict[str, Rollout] | None = None
+
+
+def check_reference(name: str) -> None:
+    """InputError for what is neither a reference driver nor an ego that this process can use."""
+    if name not in REFERENCES:
+        check_ego(name)
+
+
+def reference_ego(name: str, problem: Problem) -> EgoPolicy:
+    """A reference driver, or any other ego, by name."""
+    scenario = problem.job.scenario
+    if name in REFERENCES:
+        return ReferenceEgo(reference_driver(name), scenario.time.step_s)
+    return open_ego(name, scenario, problem.corridor)
+
+
+class HandedOver:
+    """A world for this process in which the job's ego can hand over; use as a context manager."""
+
+    def __init__(self, problem: Problem, references: Sequence[str]):
+        self.problem = problem
+        self.references = tuple(references)
+        self._wheel = Handover(problem.ego(), {name: reference_ego(name, problem) for name in references})
+        self._simulator: Simulator = problem.simulator(ego=self._wheel)
+
+    def __enter__(self) -> "HandedOver":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._simulator.close()
+
+    def as_it_was(self, x: np.ndarray, noise_seed: int) -> Trace:
+        """The rollout with the job's ego alone."""
+        self._wheel.to(None)
+        return record(self.problem, self._simulator, x, noise_seed)
+
+    def driven_by(self, reference: str, step: int, x: np.ndarray, noise_seed: int) -> Rollout:
+        """The rollout with the reference driver from step `step` on."""
+        self._wheel.to(reference, step)
+        return self._simulator.run(x, noise_seed)
+
+    def trace_of(self, reference: str, step: int, x: np.ndarray, noise_seed: int) -> Trace:
+        """The same, recorded."""
+        self._wheel.to(reference, step)
+        return record(self.problem, self._simulator, x, noise_seed)
+
+    def look(self, x: np.ndarray, noise_seed: int, ttc_s: float) -> Conflict:
+        """Run the rollout again: as it was, then with each reference driver; ttc_s: see `onset_of`."""
+        trace = self.as_it_was(x, noise_seed)
+        result = trace.rollout
+        if result.error is not None:
+            return Conflict(result.f, result.outcome, result.error)
+        motion = motion_of(trace, self.problem.job.scenario.safety.rays, self.problem.corridor)
+        onset = onset_of(trace, partner(trace, motion), ttc_s)
+        driven = {name: self.driven_by(name, onset.step, x, noise_seed) for name in self.references}
+        return Conflict(result.f, result.outcome, None, motion, onset, driven)
+
+
+def partner(trace: Trace, motion: Motion | None) -> int | None:
+    """Row of the vehicle that the conflict is with: the one hit, else the one that the smallest value is to; None for
+    background traffic."""
+    contact = trace.rollout.contact
+    if contact is not None:
+        return contact.other if contact.other < len(trace.names) else None
+    return None if motion is None else motion.other
+
+
+class Conflicts:
+    """Worker processes for one job, started when first needed; use as a context manager."""
+
+    def __init__(self, job: Job, references: Sequence[str], ttc_s: float, workers: int = 1):
+        here = next((name for name in (job.ego, *references) if name.startswith(HERE)), job.ego)
+        self._pool = ProcessPool(
+            workers, LOOKS, _open, (job, tuple(references), ttc_s), lambda: context_for(here)
+        )
+
+    def __enter__(self) -> "Conflicts":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._pool.close(kill=kind is not None)
+
+    def look(
+        self, drawn: Sequence[Draw], on_done: Callable[[int], None] = lambda count: None
+    ) -> list[Conflict]:
+        """Run the rollouts again, in order; on_done: told how many more."""
+        found: dict[int, Conflict] = {}
+        numbered = list(enumerate(drawn))
+        for part, looks in self._pool.run(
+            numbered[i : i + AT_ONCE] for i in range(0, len(numbered), AT_ONCE)
+        ):
+            found |= {i: look for (i, _), look in zip(part, looks, strict=True)}
+            on_done(len(part))
+        return [found[i] for i in range(len(drawn))]
+
+
+_Part = list[tuple[int, Draw]]
+_world: HandedOver | None = None  # of the worker process
+_ttc_s = 0.0
+
+
+def _open(job: Job, references: tuple[str, ...], ttc_s: float) -> None:
+    global _world, _ttc_s
+    _world, _ttc_s = HandedOver(Problem(job), references), ttc_s
+
+
+def _run(part: _Part) -> list[Conflict]:
+    assert _world is not None
+    return [_world.look(*draw, _ttc_s) for _, draw in part]
+
+
+def _each(part: _Part) -> list[_Part]:
+    return [[one] for one in part]
+
+
+def _all(parts: Sequence[list[Conflict]]) -> list[Conflict]:
+    return [look for part in parts for look in part]
+
+
+def _lost(part: _Part) -> list[Conflict]:
+    return [Conflict(np.nan, "error", "the process that ran it died") for _ in part]
+
+
+LOOKS = TaskKind(_run, _each, _all, _lost)

@@ -1,0 +1,45 @@
+"""What a run's dangerous rollouts come to beyond their probability: preventable or not. Kept in the run directory."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from service.analysis.failures.events import Order
+from service.analysis.failures.examine import EXAMINED, Watch, look_away
+from service.analysis.prevention.conflict import check_reference
+from service.analysis.prevention.kept import keep
+from service.analysis.prevention.objects import Prevention
+from service.analysis.prevention.onset import TTC_S
+from service.analysis.prevention.prevent import DEFAULT, prevent
+from service.analysis.run.records import record_of
+from service.errors import InputError
+from service.evaluation.cores import core_count
+from service.world.egos.here import ego_name
+
+
+def prevention_of(
+    run: Path,
+    job: str | None = None,
+    references: Sequence[str] = DEFAULT,
+    order: Order = "likelihood",
+    examine: int = EXAMINED,
+    onset_ttc_s: float = TTC_S,
+    workers: int | None = None,
+    watch: Watch = look_away,
+) -> Prevention:
+    """What part of p of a run's job reference drivers would have prevented; the arguments as of `prevent`.
+
+    job: default the one with most dangerous rollouts. InputError for an unknown reference driver.
+    """
+    names = tuple(dict.fromkeys(ego_name(name) for name in references))
+    if not names:
+        raise InputError("no reference driver: give one at least")
+    if not onset_ttc_s > 0.0:
+        raise InputError(
+            f"onset_ttc_s = {onset_ttc_s}: give seconds above 0; infinite for the rollout's start"
+        )
+    for name in names:
+        check_reference(name)
+    record, _ = record_of(run, job)
+    found = prevent(run.name, record, names, order, examine, onset_ttc_s, workers or core_count(), watch)
+    keep(run, found)
+    return found
