@@ -18,10 +18,11 @@ from service.world.egos.handover import Handover
 from service.world.egos.here import HERE
 from service.world.egos.open import check_ego, open_ego
 from service.world.egos.reference import ReferenceEgo
+from service.world.scenario.noise import Noise
 from service.world.sim.rollout import Rollout, Simulator
 
 AT_ONCE = 4  # rollouts that a worker is given at once
-Draw = tuple[np.ndarray, int]  # x (d,) and the noise seed
+Draw = tuple[np.ndarray, Noise]  # x (d,) and its noise
 
 
 @dataclass(frozen=True)
@@ -73,22 +74,22 @@ class HandedOver:
     ) -> None:
         self._simulator.close()
 
-    def as_it_was(self, x: np.ndarray, noise_seed: int) -> Trace:
+    def as_it_was(self, x: np.ndarray, noise_seed: Noise) -> Trace:
         """The rollout with the job's ego alone."""
         self._wheel.to(None)
         return record(self.problem, self._simulator, x, noise_seed)
 
-    def driven_by(self, reference: str, step: int, x: np.ndarray, noise_seed: int) -> Rollout:
+    def driven_by(self, reference: str, step: int, x: np.ndarray, noise_seed: Noise) -> Rollout:
         """The rollout with the reference driver from step `step` on."""
         self._wheel.to(reference, step)
         return self._simulator.run(x, noise_seed)
 
-    def trace_of(self, reference: str, step: int, x: np.ndarray, noise_seed: int) -> Trace:
+    def trace_of(self, reference: str, step: int, x: np.ndarray, noise_seed: Noise) -> Trace:
         """The same, recorded."""
         self._wheel.to(reference, step)
         return record(self.problem, self._simulator, x, noise_seed)
 
-    def look(self, x: np.ndarray, noise_seed: int, ttc_s: float) -> Conflict:
+    def look(self, x: np.ndarray, noise_seed: Noise, ttc_s: float) -> Conflict:
         """Run the rollout again: as it was, then with each reference driver; ttc_s: see `onset_of`."""
         trace = self.as_it_was(x, noise_seed)
         result = trace.rollout
