@@ -69,8 +69,9 @@ def card(weights: str, data: Path, out: Path, samples: int, krauss: bool, seed: 
               help="Drives the one vehicle that is not counted.")  # fmt: skip
 @click.option("--epsilon", type=float, help="In place of the scenario's: the probability that a glance begins in a "
               "conflict.")  # fmt: skip
-@click.option("--count-with", type=float, help="Count with this epsilon and weigh the contacts back to the scenario's: "
-              "where they are too rare to wait for.")  # fmt: skip
+@click.option("--leaks", type=click.Choice(["forced", "drawn"]), default="forced", show_default=True,
+              help="forced: at every glance that a conflict suppresses, also drive on as if it had not; rare contacts "
+              "come sooner, for every epsilon at once. drawn: as it happens.")  # fmt: skip
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("runs/driver-rates"),
               show_default=True, help="Keeps the counts; the same command goes on from there.")  # fmt: skip
 @click.option("--pages", type=click.Path(file_okay=False, path_type=Path), help="Where the page is written.  "
@@ -79,7 +80,7 @@ def card(weights: str, data: Path, out: Path, samples: int, krauss: bool, seed: 
 @seed_option()
 @json_option()
 def rates(
-    scenarios: tuple[str, ...], rollouts: int, ego: str, epsilon: float | None, count_with: float | None, out: Path,
+    scenarios: tuple[str, ...], rollouts: int, ego: str, epsilon: float | None, leaks: str, out: Path,
     pages: Path | None, workers: int | None, seed: int, as_json: bool,
 ) -> None:  # fmt: skip
     """Count contacts and near-crashes of the drivers under P0, beside what people do, and write the page.
@@ -93,11 +94,14 @@ def rates(
 
     names = scenarios or ("i80", "i80-10s")
     wanted = [with_epsilon(load_scenario(name), epsilon, name) for name in names]
-    asked = [campaign.Settings(with_epsilon(one, count_with), ego, seed) for one in wanted]
+    asked = [
+        campaign.Settings(one, ego, seed, forced=leaks == "forced" and one.human is not None)
+        for one in wanted
+    ]
     told = []
     try:
         with progress_bar() as bar:
-            for scenario, settings in zip(wanted, asked, strict=True):
+            for settings in asked:
                 task = bar.add_task(f"{settings.scenario.name}, chunks", total=None, note="")
                 counts = campaign.run(
                     settings,
@@ -106,13 +110,12 @@ def rates(
                     workers or core_count(),
                     partial(_show, bar, task),
                 )
-                own = None if scenario.human is None else scenario.human.glances.epsilon
-                told.append(making.facts(settings, counts, own))
+                told.append(making.facts(settings, counts))
     except KeyboardInterrupt:
         click.echo(f"interrupted; the same command goes on from {out}", err=True)
         raise SystemExit(INTERRUPTED) from None
     chosen = "" if epsilon is None else f" --epsilon {epsilon:g}"
-    chosen += "" if count_with is None else f" --count-with {count_with:g}"
+    chosen += "" if leaks == "forced" else f" --leaks {leaks}"
     said = f"tailroad drivers rates {' '.join(names)} --rollouts {rollouts} --ego {ego}{chosen} --seed {seed}"
     try:
         path = making.write(told, pages or out, said)

@@ -2,7 +2,7 @@
 
 A chunk is a line of `counts.jsonl` in the campaign's folder. A campaign that is begun again goes on after the lines
 that are there; lines of another scenario, ego or seed are refused. One rollout in EVERY, chosen by its noise seed, is
-run in SUMO too and must end in the same state to the bit.
+run in SUMO too and must end in the same state to the bit; where leaks are forced, its tree's stem is.
 """
 
 import multiprocessing
@@ -17,9 +17,12 @@ import ce
 from policies.drivers import load_drivers
 from policies.egos import load_ego
 from service.errors import InputError, SimulationError
-from service.studies.human.counting import CONTACT, TALLIES, Counter
+from service.studies.human.counting import Counter
+from service.studies.human.leaks import Tree
+from service.studies.human.watching import EVENT, TALLIES
 from service.world.scenario.base import base_distribution
 from service.world.scenario.check import check_road
+from service.world.scenario.human import with_epsilon
 from service.world.scenario.load import digest
 from service.world.scenario.schema import CameraSpec, Safety, Scenario
 from service.world.sim.audited import EVERY
@@ -31,40 +34,51 @@ FILE = "counts.jsonl"
 
 
 class Settings(msgspec.Struct, frozen=True):
-    """What a campaign counts in; ego: `idm` or `lidar`, which drives the one vehicle that is not counted."""
+    """What a campaign counts in.
+
+    ego: `idm` or `lidar`, which drives the one vehicle that is not counted
+    forced: by trees of forced leaks (`service.studies.human.leaks`), good for every epsilon; the scenario has a human
+        table then
+    """
 
     scenario: Scenario
     ego: str
     seed: int
+    forced: bool = False
+
+    @property
+    def driven(self) -> Scenario:
+        """The scenario whose rollouts are driven: nobody leaks by chance where leaks are forced."""
+        return with_epsilon(self.scenario, 0.0) if self.forced else self.scenario
 
     @property
     def key(self) -> str:
         """What two campaigns must have in common for their chunks to be added up: all that the drivers' rollouts depend
         on, which the scenario's name, description, measure and camera are not."""
         driven = msgspec.structs.replace(
-            self.scenario, name="", description="", safety=Safety(), camera=CameraSpec(), fixed=None
+            self.driven, name="", description="", safety=Safety(), camera=CameraSpec(), fixed=None
         )
-        return f"{digest(driven)}-{self.ego}-{self.seed}"
+        return f"{digest(driven)}-{self.ego}-{self.seed}" + ("-forced" if self.forced else "")
 
 
 class Chunk(msgspec.Struct, frozen=True):
-    """What `CHUNK` rollouts came to. tallies: (2, TALLIES); contacts: rows of `counting`, the rollout's number before
+    """What `CHUNK` rollouts came to. tallies: (2, TALLIES); events: rows of `watching`, the rollout's number before
     them; outcomes: how many ended how; in_sumo: how many were run in SUMO too, with the same bits."""
 
     key: str
     number: int
     tallies: list[list[float]]
-    contacts: list[list[float]]
+    events: list[list[float]]
     outcomes: dict[str, int]
     in_sumo: int
 
 
 class Counts(msgspec.Struct, frozen=True):
-    """All chunks together; `contacts` (n, 1 + CONTACT)."""
+    """All chunks together; `events` (n, 1 + EVENT)."""
 
     rollouts: int
     tallies: np.ndarray
-    contacts: np.ndarray
+    events: np.ndarray
     outcomes: dict[str, int]
     in_sumo: int
 
@@ -82,22 +96,27 @@ class _LastState:
 
 def count_chunk(settings: Settings, number: int, sumo: bool = True) -> Chunk:
     """Chunk `number` of the campaign; SimulationError where SUMO's world ends otherwise than the compiled one."""
-    scenario = settings.scenario
+    scenario = settings.driven
     corridor, drivers = check_road(scenario, scenario.name), load_drivers(scenario.drivers.weights)
     counter = Counter(scenario, corridor, drivers, settings.ego)
+    tree = Tree(counter) if settings.forced else None
     first = number * CHUNK
     x, seeds = ce.draw(
         base_distribution(scenario, drivers), settings.seed, "estimate", 0, first, first + CHUNK
     )
-    tallies, contacts, outcomes = np.zeros((2, TALLIES)), [], dict.fromkeys(OUTCOMES.values(), 0)
+    tallies, events, outcomes = np.zeros((2, TALLIES)), [], dict.fromkeys(OUTCOMES.values(), 0)
     audited = [k for k in range(CHUNK) if int(seeds[k]) % EVERY == 0] if sumo else []
     ends: dict[int, tuple[str, int, np.ndarray]] = {}
     for k in range(CHUNK):
-        status, steps, found = counter.run(x[k], int(seeds[k]), tallies)
+        if tree is None:
+            status, steps, found = counter.run(x[k], int(seeds[k]), tallies)
+            end = counter.agents
+        else:
+            status, steps, end, found = tree.grow(x[k], int(seeds[k]), tallies)
         outcomes[OUTCOMES[status]] += 1
-        contacts += [[float(first + k), *row.tolist()] for row in found]
+        events += [[float(first + k), *row.tolist()] for row in found]
         if k in audited:
-            ends[k] = OUTCOMES[status], steps, counter.agents.copy()
+            ends[k] = OUTCOMES[status], steps, end.copy()
     if audited:
         with Simulator(scenario, corridor, drivers, load_ego(settings.ego)) as simulator:
             for k in audited:
@@ -109,7 +128,7 @@ def count_chunk(settings: Settings, number: int, sumo: bool = True) -> Chunk:
                         f"SUMO and as {(again.outcome, again.steps)} with it, or elsewhere: they must be the same to "
                         "the bit; report this"
                     )
-    return Chunk(settings.key, number, tallies.tolist(), contacts, outcomes, len(audited))
+    return Chunk(settings.key, number, tallies.tolist(), events, outcomes, len(audited))
 
 
 def run(
@@ -151,7 +170,8 @@ def _kept(path: Path, settings: Settings) -> Iterator[Chunk]:
             ) from error
         if chunk.key != settings.key:
             raise InputError(
-                f"{path} holds counts of another scenario, epsilon, ego or seed; give another --out, or remove it"
+                f"{path} holds counts of another scenario, epsilon, ego, seed or way to count; give another --out, or "
+                "remove it"
             )
         yield chunk
 
@@ -172,11 +192,11 @@ def _counted(settings: Settings, numbers: list[int], workers: int) -> Iterator[C
 
 def added(chunks: list[Chunk]) -> Counts:
     """The chunks' counts together."""
-    rows = [row for chunk in chunks for row in chunk.contacts]
+    rows = [row for chunk in chunks for row in chunk.events]
     return Counts(
         rollouts=CHUNK * len(chunks),
         tallies=np.sum([chunk.tallies for chunk in chunks], axis=0).reshape(2, TALLIES),
-        contacts=np.array(rows).reshape(len(rows), 1 + CONTACT),
+        events=np.array(rows).reshape(len(rows), 1 + EVENT),
         outcomes={name: sum(chunk.outcomes[name] for chunk in chunks) for name in OUTCOMES.values()},
         in_sumo=sum(chunk.in_sumo for chunk in chunks),
     )

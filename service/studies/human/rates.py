@@ -14,13 +14,15 @@ import numpy as np
 
 from ce.interval import weighted_gamma
 from service.analysis.wording import count, percent, significant
-from service.studies.human import counting as C
+from service.studies.human import watching as W
 from service.studies.human.campaign import Counts, Settings
 from service.studies.human.published import INVOLVEMENTS, NEAR_CRASHES, NEAR_PER_CRASH, PUBLISHED
 from service.studies.reproduce.page import Page, made_by, made_with, write_page
 from service.studies.reproduce.tables import Table
 
 CONFIDENCE = 0.95
+NORMAL_QUANTILE = 1.959964  # of that confidence, two-sided
+EPSILONS = (0.0, 0.001, 0.003, 0.01, 0.02, 0.03, 0.05, 0.1)  # of the table of rates by epsilon
 PARTS = ("first 10 s", "after", "together")
 MILLION = 1e6
 SPEEDS = (0.05, 0.25, 0.5, 0.75, 0.95)  # quantiles of delta-v
@@ -36,41 +38,46 @@ class Rate(msgspec.Struct, frozen=True):
     high: float
 
 
-def rate(weights: np.ndarray, rollouts: int, km: float, each: float = 1.0) -> Rate:
-    """Of events with these weights (n,), all 1 where epsilon was the scenario's own, in `rollouts` that drove `km`.
+def rate(weights: np.ndarray, of: np.ndarray, rollouts: int, km: float, each: float = 1.0) -> Rate:
+    """Of events with these weights (n,), in the rollouts numbered `of` (n,), of `rollouts` that drove `km` together.
 
     each: counted things that an event stands for (2: the vehicles of a pair).
+
+    Events of one rollout need not be independent: its weights are added up first. An event that was not seen could
+    have counted 1.
     """
-    p, variance = weights.sum() / rollouts, float(weights @ weights) / rollouts**2
-    largest = (weights.max() if len(weights) else 1.0) / rollouts
+    sums = _by_rollout(weights, of)
+    p, variance = sums.sum() / rollouts, float(sums @ sums) / rollouts**2
+    largest = max(1.0, sums.max(initial=0.0)) / rollouts
     low, high = weighted_gamma(p, variance, largest, CONFIDENCE)
+    seen = int(np.sign(weights).sum())
     if km <= 0.0:
-        return Rate(len(weights), 0.0, 0.0, 0.0, math.inf)
+        return Rate(seen, 0.0, 0.0, 0.0, math.inf)
     per = each * MILLION * rollouts / km
-    return Rate(len(weights), km / MILLION, float(p * per), float(low * per), float(high * per))
+    return Rate(seen, km / MILLION, float(p * per), float(low * per), float(high * per))
 
 
-def weights_of(rows: np.ndarray, sampled: float, wanted: float) -> np.ndarray:
-    """Likelihood ratios (n,) of contacts that were counted with epsilon = `sampled`, under epsilon = `wanted`.
-
-    Until then so many glances had begun in a conflict and so many had been suppressed in one; each was an independent
-    choice with probability epsilon.
-    """
-    if sampled == wanted:
-        return np.ones(len(rows))
-    leaked, resisted = rows[:, 1 + C.LEAKED], rows[:, 1 + C.RESISTED]
-    return (wanted / sampled) ** leaked * ((1.0 - wanted) / (1.0 - sampled)) ** resisted
+def _by_rollout(weights: np.ndarray, of: np.ndarray) -> np.ndarray:
+    return np.bincount(np.unique(of, return_inverse=True)[1], weights) if len(of) else np.zeros(0)
 
 
-def facts(settings: Settings, counts: Counts, wanted: float | None = None) -> dict[str, Any]:
-    """What the page and the JSON file tell; wanted: the epsilon that it is told for, default the one counted with."""
+def weights_of(rows: np.ndarray, epsilon: float | None) -> np.ndarray:
+    """What events (n, 1 + EVENT) count for: as found (epsilon None), or on trees of forced leaks under that epsilon."""
+    if epsilon is None:
+        return rows[:, 1 + W.WEIGHT]
+    path = epsilon ** rows[:, 1 + W.LEAKED] * (1.0 - epsilon) ** rows[:, 1 + W.RESISTED]
+    return rows[:, 1 + W.WEIGHT] * path
+
+
+def facts(settings: Settings, counts: Counts) -> dict[str, Any]:
+    """What the page and the JSON file tell."""
     human = settings.scenario.human
-    sampled = None if human is None else human.glances.epsilon
-    wanted = sampled if wanted is None else wanted
-    rows = counts.contacts[counts.contacts[:, 1 + C.AGAIN] == 0.0]
-    weight = np.ones(len(rows)) if sampled is None or wanted is None else weights_of(rows, sampled, wanted)
-    early, kinds = rows[:, 1 + C.TIME_S] < C.EARLY_S, rows[:, 1 + C.KIND]
-    contact, near = kinds != C.NEAR_CRASH, kinds == C.NEAR_CRASH
+    epsilon = None if human is None else human.glances.epsilon
+    rows = counts.events[counts.events[:, 1 + W.AGAIN] == 0.0]
+    of, kinds = rows[:, 0], rows[:, 1 + W.KIND]
+    weight = weights_of(rows, epsilon if settings.forced else None)
+    early = rows[:, 1 + W.TIME_S] < W.EARLY_S
+    contact, near = kinds != W.NEAR_CRASH, kinds == W.NEAR_CRASH
     masks = (early, ~early, np.ones(len(rows), dtype=bool))
     tallies = [counts.tallies[0], counts.tallies[1], counts.tallies.sum(axis=0)]
     parts: dict[str, dict[str, Any]] = {}
@@ -79,37 +86,61 @@ def facts(settings: Settings, counts: Counts, wanted: float | None = None) -> di
             "contacts": (contact, 1.0),
             "involvements": (contact, 2.0),
             "near_crashes": (near, 2.0),
-            "near_by_time": (near & (rows[:, 1 + C.CAUSE] == 0.0), 2.0),
-            "near_by_deceleration": (near & (rows[:, 1 + C.CAUSE] == 1.0), 2.0),
-        } | {kind: (kinds == k, 1.0) for k, kind in enumerate(C.KINDS)}
+            "near_by_time": (near & (rows[:, 1 + W.CAUSE] == 0.0), 2.0),
+            "near_by_deceleration": (near & (rows[:, 1 + W.CAUSE] == 1.0), 2.0),
+        } | {kind: (kinds == k, 1.0) for k, kind in enumerate(W.KINDS)}
         parts[name] = {
-            key: rate(weight[mask & which], counts.rollouts, float(tally[C.KM]), each)
+            key: rate(weight[mask & which], of[mask & which], counts.rollouts, float(tally[W.KM]), each)
             for key, (which, each) in asked.items()
         }
+    km = float(tallies[2][W.KM])
+    tried = EPSILONS if settings.forced else ()
     crashed, share = rows[contact], weight[contact]
-    again = counts.contacts[(counts.contacts[:, 1 + C.AGAIN] != 0.0)]
-    whole = parts["together"]
+    again = counts.events[(counts.events[:, 1 + W.AGAIN] != 0.0)]
+    sums = _by_rollout(share, of[contact])
     return {
         "scenario": settings.scenario.name,
         "ego": settings.ego,
         "seed": settings.seed,
-        "epsilon": wanted,
-        "counted_with_epsilon": sampled,
+        "epsilon": epsilon,
+        "forced": settings.forced,
         "rollouts": counts.rollouts,
         "outcomes": counts.outcomes,
         "in_sumo": counts.in_sumo,
         "parts": parts,
-        "effective_contacts": float(share.sum() ** 2 / (share @ share)) if len(share) else 0.0,
-        "delta_v_mps": _quantiles(crashed[:, 1 + C.DELTA_V_MPS], share),
-        "looked_away": float(share @ crashed[:, 1 + C.LOOKED_AWAY] / share.sum()) if len(share) else None,
-        "secondary_contacts": int((again[:, 1 + C.KIND] != C.NEAR_CRASH).sum()),
-        "near_per_crash": whole["near_crashes"].rate / whole["contacts"].rate / 2.0 if len(share) else None,
+        "by_epsilon": [
+            {
+                "epsilon": value,
+                "involvements": rate(weights_of(crashed, value), of[contact], counts.rollouts, km, 2.0),
+                "near_crashes": rate(weights_of(rows[near], value), of[near], counts.rollouts, km, 2.0),
+            }
+            for value in tried
+        ],
+        "effective_contacts": float(sums.sum() ** 2 / (sums @ sums)) if sums.any() else 0.0,
+        "delta_v_mps": _quantiles(crashed[:, 1 + W.DELTA_V_MPS], share),
+        "looked_away": float(share @ crashed[:, 1 + W.LOOKED_AWAY] / share.sum()) if share.any() else None,
+        "secondary_contacts": int((again[:, 1 + W.KIND] != W.NEAR_CRASH).sum()),
+        "near_per_crash": _ratio(weight, of, near, contact),
     }
 
 
+def _ratio(
+    weight: np.ndarray, of: np.ndarray, near: np.ndarray, contact: np.ndarray
+) -> tuple[float, float, float] | None:
+    """Near-crashes to a crash, with its interval by the delta method on the logarithm; None without a contact."""
+    numbers, rollout = np.unique(of, return_inverse=True)
+    above = np.bincount(rollout, weight * near, len(numbers))
+    below = np.bincount(rollout, weight * contact, len(numbers))
+    if above.sum() <= 0.0 or below.sum() <= 0.0:
+        return None
+    error = float(np.sqrt(np.sum((above / above.sum() - below / below.sum()) ** 2)))
+    value, factor = float(above.sum() / below.sum()), math.exp(NORMAL_QUANTILE * error)
+    return value, value / factor, value * factor
+
+
 def _quantiles(values: np.ndarray, weight: np.ndarray) -> list[float]:
-    """SPEEDS of weighted values; empty where there are none."""
-    if not len(values):
+    """SPEEDS of weighted values; empty where none weighs anything."""
+    if weight.sum() <= 0.0:
         return []
     order = np.argsort(values)
     below = np.cumsum(weight[order]) / weight.sum()
@@ -124,6 +155,7 @@ def page(told: list[dict[str, Any]], command: str) -> Page:
     """The page of campaigns in several scenarios."""
     tables = [_table(one) for one in told]
     tables += [_kinds(one) for one in told]
+    tables += [_by_epsilon(one) for one in told if one["by_epsilon"]]
     tables.append(_published())
     return Page("driver-rates", "How often drivers crash", [made_by(command), *_introduction(told), made_with()],
                 tables, [], told)  # fmt: skip
@@ -170,7 +202,10 @@ def _verdict(whole: dict[str, Any], one: dict[str, Any]) -> str:
         return f"{what} {_said(value)}, {place} people's {band[0]:g} to {band[1]:g}"
 
     ratio = one["near_per_crash"]
-    said = "not known, as there was no contact" if ratio is None else significant(ratio)
+    said = "not known, as there was no contact"
+    if ratio is not None:
+        value, low, high = ratio
+        said = f"{significant(value)} ({significant(low)} to {significant(high)})"
     return (
         f"{where(found, INVOLVEMENTS, 'involvements')}; {where(near, NEAR_CRASHES, 'near-crashes')}; near-crashes to a "
         f"crash: {said} (people's {NEAR_PER_CRASH[0]:g} to {NEAR_PER_CRASH[1]:g})."
@@ -207,18 +242,31 @@ def _table(one: dict[str, Any]) -> Table:
 
 
 def _weighed(one: dict[str, Any]) -> str:
-    if one["epsilon"] == one["counted_with_epsilon"]:
+    if not one["forced"]:
         return ""
     return (
-        f" Counted with epsilon = {one['counted_with_epsilon']:g} and weighed back by the likelihood ratio of the "
-        "glances that began or were suppressed in a conflict until then: the contacts are worth "
-        f"{one['effective_contacts']:.1f} of equal weight."
+        " Leaks are forced: each rollout is a tree that branches where a glance was suppressed in a conflict, its "
+        "events count epsilon^L (1 - epsilon)^R for L leaks and R suppressed glances until then, kilometres are those "
+        f"of its stem; the contacts are worth {one['effective_contacts']:.0f} of equal weight."
+    )
+
+
+def _by_epsilon(one: dict[str, Any]) -> Table:
+    rows = tuple(
+        (f"{at['epsilon']:g}", _said(at["involvements"]), _said(at["near_crashes"]))
+        for at in one["by_epsilon"]
+    )
+    return Table(
+        f"By epsilon, per million vehicle-km: {one['scenario']}",
+        ("epsilon", "involvements", "near-crashes, of vehicles"),
+        rows,
+        "All from the same trees. An interval's upper end allows for a contact without any leak, which counts 1.",
     )
 
 
 def _kinds(one: dict[str, Any]) -> Table:
     whole = one["parts"]["together"]
-    found = {kind: whole[kind] for kind in C.KINDS} | {
+    found = {kind: whole[kind] for kind in W.KINDS} | {
         "near-crashes by time to touch": whole["near_by_time"],
         "near-crashes by deceleration": whole["near_by_deceleration"],
     }

@@ -13,8 +13,10 @@ import ce
 from policies.drivers import load_drivers
 from service.errors import InputError, ScenarioError
 from service.front.cli.main import main
-from service.studies.human import campaign, rates
-from service.studies.human import counting as C
+from service.studies.human import campaign, leaks, rates
+from service.studies.human import watching as W
+from service.studies.human.counting import Counter
+from service.studies.human.leaks import Tree
 from service.world.scenario.base import base_distribution
 from service.world.scenario.human import with_epsilon
 from service.world.scenario.load import load_scenario
@@ -52,38 +54,40 @@ def approach(epsilon: float, every_s: float = 6.0) -> Scenario:
     )
 
 
-def contacts(scenario: Scenario, rollouts: int, look_away: bool = False) -> list[np.ndarray]:
-    """Of that many rollouts; look_away: everybody's long glance begins within 3 s and lasts 5 s."""
+def look_away(base: ce.Product, x: np.ndarray) -> None:
+    """Everybody's long glance begins within 3 s and lasts 5 s."""
+    names = base.name_or_index
+    onsets = [i for i, n in enumerate(names) if n.endswith("glance_onset_s")]
+    lasts = [i for i, n in enumerate(names) if n.endswith("glance_duration_s")]
+    x[:, onsets] = np.random.default_rng(4).uniform(0.2, 3.0, (len(x), len(onsets)))
+    x[:, lasts] = 5.0
+
+
+def contacts(scenario: Scenario, rollouts: int, away: bool = False) -> list[np.ndarray]:
+    """Of that many rollouts; away: see `look_away`."""
     drivers = load_drivers("drivers-gail")
     base = base_distribution(scenario, drivers)
-    counter = C.Counter(scenario, load_corridor("i80"), drivers, "idm")
+    counter = Counter(scenario, load_corridor("i80"), drivers, "idm")
     x, seeds = ce.draw(base, 3, "estimate", 0, 0, rollouts)
-    if look_away:
-        names = base.name_or_index
-        onsets = [i for i, n in enumerate(names) if n.endswith("glance_onset_s")]
-        lasts = [i for i, n in enumerate(names) if n.endswith("glance_duration_s")]
-        x[:, onsets] = np.random.default_rng(4).uniform(0.2, 3.0, (rollouts, len(onsets)))
-        x[:, lasts] = 5.0
+    if away:
+        look_away(base, x)
     found = []
     for draw, seed in zip(x, seeds.tolist(), strict=True):
-        _, _, rows = counter.run(draw, seed, np.zeros((2, C.TALLIES)))
+        _, _, rows = counter.run(draw, seed, np.zeros((2, W.TALLIES)))
         found.append(rows)
     return found
 
 
 def test_drivers_who_look_do_not_run_into_the_one_ahead():
     found = np.concatenate(contacts(approach(0.0, every_s=1e6), 400))
-    found = found[found[:, C.KIND] != C.NEAR_CRASH]
-    assert not (found[:, C.KIND] == C.REAR_END).any()
+    found = found[found[:, W.KIND] != W.NEAR_CRASH]
+    assert not (found[:, W.KIND] == W.REAR_END).any()
     assert len(found) == 0
 
 
 def test_more_leaks_are_more_contacts():
     counted = [
-        sum(
-            (rows[:, C.KIND] != C.NEAR_CRASH).sum()
-            for rows in contacts(approach(epsilon), 600, look_away=True)
-        )
+        sum((rows[:, W.KIND] != W.NEAR_CRASH).sum() for rows in contacts(approach(epsilon), 600, away=True))
         for epsilon in (0.0, 0.3, 1.0)
     ]
     assert counted[0] <= counted[1] <= counted[2]
@@ -91,13 +95,13 @@ def test_more_leaks_are_more_contacts():
 
 
 def test_a_contact_is_told_with_its_kind_speed_and_cause():
-    rows = np.concatenate(contacts(approach(1.0), 600, look_away=True))
-    behind = rows[rows[:, C.KIND] == C.REAR_END]
+    rows = np.concatenate(contacts(approach(1.0), 600, away=True))
+    behind = rows[rows[:, W.KIND] == W.REAR_END]
     assert len(behind) >= 4
-    assert set(behind[:, C.FIRST]) <= {1.0, 3.0, 5.0}  # the fast ones
-    assert (behind[:, C.CAUSE] == behind[:, C.FIRST]).all()
-    assert behind[:, C.LOOKED_AWAY].mean() > 0.8
-    assert (behind[:, C.DELTA_V_MPS] < 10.0).all()
+    assert set(behind[:, W.FIRST]) <= {1.0, 3.0, 5.0}  # the fast ones
+    assert (behind[:, W.CAUSE] == behind[:, W.FIRST]).all()
+    assert behind[:, W.LOOKED_AWAY].mean() > 0.8
+    assert (behind[:, W.DELTA_V_MPS] < 10.0).all()
 
 
 def short(epsilon: float = 0.5) -> campaign.Settings:
@@ -118,13 +122,13 @@ def test_a_campaign_goes_on_after_what_it_has_kept(tmp_path, monkeypatch):
     np.testing.assert_array_equal(again.tallies, whole.tallies)
     assert again.outcomes == whole.outcomes
     assert whole.in_sumo >= 0
-    assert whole.tallies[0, C.KM] == pytest.approx(60 * 5 * 0.045, rel=0.1)  # five cars for 3 s at 15 m/s
+    assert whole.tallies[0, W.KM] == pytest.approx(60 * 5 * 0.045, rel=0.1)  # five cars for 3 s at 15 m/s
 
 
 def test_counts_of_another_epsilon_are_not_added(tmp_path, monkeypatch):
     monkeypatch.setattr(campaign, "CHUNK", 4)
     campaign.run(short(0.5), 4, tmp_path, 1)
-    with pytest.raises(InputError, match="another scenario, epsilon, ego or seed"):
+    with pytest.raises(InputError, match="another scenario, epsilon, ego, seed or way to count"):
         campaign.run(short(0.6), 4, tmp_path, 1)
     (tmp_path / campaign.FILE).write_text("nonsense\n", encoding="utf-8")
     with pytest.raises(InputError, match="line 1: not a chunk of counts"):
@@ -132,26 +136,111 @@ def test_counts_of_another_epsilon_are_not_added(tmp_path, monkeypatch):
 
 
 def test_rates_have_garwood_s_interval():
-    found = rates.rate(np.ones(3), 1_000_000, 2e6)
+    found = rates.rate(np.ones(3), np.arange(3.0), 1_000_000, 2e6)
     assert (found.events, found.rate, found.million_km) == (3, pytest.approx(1.5), 2.0)
     assert found.low == pytest.approx(0.618672 / 2.0, rel=1e-5)
     assert found.high == pytest.approx(8.767273 / 2.0, rel=1e-5)
-    nothing = rates.rate(np.zeros(0), 1_000_000, 1e6, 2.0)
+    nothing = rates.rate(np.zeros(0), np.zeros(0), 1_000_000, 1e6, 2.0)
     assert (nothing.rate, nothing.low) == (0.0, 0.0)
     assert nothing.high == pytest.approx(2 * 3.688879, rel=1e-6)
 
 
-def test_contacts_are_weighed_back_to_another_epsilon():
-    """Counted with 0.6 and weighed to 0.3, contacts are as frequent as counted with 0.3."""
-    count, found = 250, {}
-    for epsilon in (0.3, 0.6):
-        rows = np.concatenate([r for r in contacts(approach(epsilon), count, look_away=True) if len(r)])
-        rows = rows[(rows[:, C.KIND] != C.NEAR_CRASH) & (rows[:, C.AGAIN] == 0.0)]
-        found[epsilon] = np.column_stack([np.zeros(len(rows)), rows])
-    weight = rates.weights_of(found[0.6], 0.6, 0.3)
-    error = np.hypot(np.sqrt(len(found[0.3])), np.sqrt(weight @ weight))
-    assert weight.sum() == pytest.approx(len(found[0.3]), abs=2.5 * error)
-    assert (rates.weights_of(found[0.3], 0.3, 0.3) == 1.0).all()
+def test_events_of_one_rollout_are_one_for_the_interval():
+    apart = rates.rate(np.ones(4), np.arange(4.0), 1_000_000, 1e6)
+    together = rates.rate(np.ones(4), np.array([7.0, 7.0, 9.0, 9.0]), 1_000_000, 1e6)
+    assert together.rate == apart.rate
+    assert together.high - together.low > 1.3 * (apart.high - apart.low)
+
+
+def dangerous(epsilon: float) -> Scenario:
+    """As `approach`, nearer, faster, and with brakes too weak for a glance of some seconds."""
+    scenario = approach(epsilon)
+    assert scenario.human is not None
+    vehicles = []
+    for vehicle in scenario.vehicles:
+        if vehicle.name.startswith("fast"):
+            vehicle = msgspec.structs.replace(
+                vehicle, speed_mps=uniform(15.0, 19.0), station_m=uniform(70.0, 80.0)
+            )
+        if vehicle.name.startswith("slow"):
+            vehicle = msgspec.structs.replace(
+                vehicle, speed_mps=uniform(2.0, 5.0), station_m=uniform(110.0, 125.0)
+            )
+        vehicles.append(vehicle)
+    avoidance = msgspec.structs.replace(scenario.human.avoidance, hardest_mps2=3.0)
+    human = msgspec.structs.replace(scenario.human, avoidance=avoidance)
+    return msgspec.structs.replace(scenario, vehicles=tuple(vehicles), human=human)
+
+
+def easier(monkeypatch) -> None:
+    """Lotteries that are all played, with prizes small enough for some hundred trees."""
+    for name, value in (("SURVIVES", 0.5), ("LIVE_S", 2.0), ("PRIZE", 1.5), ("OF_SHORT", 0.5)):
+        monkeypatch.setattr(leaks, name, value)
+
+
+@pytest.fixture(scope="module")
+def grown():
+    """Trees of 1200 rollouts, and the same rollouts counted with epsilon 0.2 and 0.5: their events, each with the
+    rollout's number before it."""
+    drivers, count = load_drivers("drivers-gail"), 1200
+    found = {}
+    patch = pytest.MonkeyPatch()
+    easier(patch)
+    for way in ("forced", 0.2, 0.5):
+        scenario = dangerous(0.0 if way == "forced" else way)
+        base = base_distribution(scenario, drivers)
+        counter = Counter(scenario, load_corridor("i80"), drivers, "idm")
+        tree, (x, seeds) = Tree(counter), ce.draw(base, 3, "estimate", 0, 0, count)
+        look_away(base, x)
+        rows = []
+        for k in range(count):
+            arguments = x[k], int(seeds[k]), np.zeros((2, W.TALLIES))
+            events = tree.grow(*arguments)[3] if way == "forced" else counter.run(*arguments)[2]
+            rows.append(np.column_stack([np.full(len(events), k), events]))
+        found[way] = np.concatenate(rows)
+    patch.undo()
+    return found, count
+
+
+@pytest.mark.parametrize("epsilon", [0.2, 0.5])
+@pytest.mark.parametrize("near", [False, True])
+def test_forced_leaks_find_what_counting_finds(grown, epsilon, near):
+    found, count = grown
+    sums = []
+    for way, value in (("forced", epsilon), (epsilon, None)):
+        rows = found[way][found[way][:, 1 + W.AGAIN] == 0.0]
+        rows = rows[(rows[:, 1 + W.KIND] == W.NEAR_CRASH) == near]
+        sums.append(np.bincount(rows[:, 0].astype(int), rates.weights_of(rows, value), count))
+    forced, counted = sums
+    difference = forced - counted
+    error = difference.std() / np.sqrt(count)
+    assert counted.sum() >= 8.0
+    assert error < 0.4 * counted.mean()
+    assert abs(difference.mean()) < 4.0 * error
+
+
+def test_a_tree_s_stem_is_the_rollout_without_leaks_and_its_bits_are_the_seed_s():
+    drivers, scenario = load_drivers("drivers-gail"), dangerous(0.0)
+    base = base_distribution(scenario, drivers)
+    counter = Counter(scenario, load_corridor("i80"), drivers, "idm")
+    tree, (x, seeds) = Tree(counter), ce.draw(base, 8, "estimate", 0, 0, 80)
+    look_away(base, x)
+    branches = 0
+    for draw, seed in zip(x, seeds.tolist(), strict=True):
+        tallies = np.zeros((3, 2, W.TALLIES))
+        status, steps, end, events = tree.grow(draw, seed, tallies[0])
+        again = tree.grow(draw, seed, tallies[1])
+        assert (status, steps) == again[:2]
+        np.testing.assert_array_equal(end, again[2])
+        np.testing.assert_array_equal(events, again[3])
+        plain = counter.run(draw, seed, tallies[2])
+        assert plain[:2] == (status, steps)
+        np.testing.assert_array_equal(counter.agents, end)
+        np.testing.assert_array_equal(events[events[:, W.LEAKED] == 0.0], plain[2])
+        np.testing.assert_array_equal(tallies[0], tallies[2])
+        np.testing.assert_array_equal(tallies[0], tallies[1])
+        branches += (events[:, W.LEAKED] > 0.0).sum()
+    assert branches > 0
 
 
 def test_the_page_tells_what_was_counted(tmp_path, monkeypatch):
