@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate test check docs bench bench-camera calibration calibration-peers guides faults bench-fleet fuzz foreign-clients drivers ego-vision schema example-ego format clean
+.PHONY: help estimate test check lint docs bench bench-camera calibration calibration-peers guides faults bench-fleet fuzz foreign-clients drivers ego-vision schema example-ego format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
@@ -33,15 +33,17 @@ estimate: $(VENV)/.installed
 	  --iterations 4 --samples-per-iteration 1500 --rho 0.1 --mean-box 0.0001 --max-kl 2.5
 
 # Test files are spread over the cores, four at most: many of them start processes of their own.
-test: check
+# One of them builds the documentation.
+test: lint
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
-check: $(VENV)/.installed-dev
+check: lint docs
+
+lint: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m docs.site
 
 # From this folder alone, nothing is fetched. Dead links, pages that no page leads to and anything that a page would fetch
 # from elsewhere end it.

@@ -21,6 +21,7 @@ import numba
 
 PACKAGES = ("ce", "policies", "service", "sumo_nets")
 _COMPILED = re.compile(r"^\s*from policies\.jit import ", re.MULTILINE)
+_WORDS = b"from policies.jit import "
 _IMPORT = re.compile(
     r"^\s*(?:from (?P<source>[\w.]+) import (?:\((?P<block>[^)]*)\)|(?P<line>.*))|import (?P<module>[\w.]+))",
     re.MULTILINE,
@@ -33,39 +34,54 @@ def kernel_sources(root: Path) -> list[Path]:
     A constant is compiled into the kernels that name it, so a file without a kernel counts as well where a kernel's
     file imports it, directly or through others.
     """
-    texts = {
-        path.relative_to(root): path.read_text(encoding="utf-8")
-        for package in PACKAGES
-        for path in (root / package).rglob("*.py")
-    }
-    found: set[Path] = set()
-    waiting = [path for path, text in texts.items() if _COMPILED.search(text)]
+    return sorted(root / path for path in _deciding(_texts(root)))
+
+
+def _texts(root: Path) -> dict[str, bytes]:
+    """Every source file of the packages below `root`: its path from there, with slashes -> what it holds."""
+    found = {}
+    for package in PACKAGES:
+        for folder, _, names in os.walk(root / package):
+            inside = folder[len(str(root)) + 1 :].replace(os.sep, "/")
+            for name in names:
+                if name.endswith(".py"):
+                    with open(f"{folder}/{name}", "rb") as file:
+                        found[f"{inside}/{name}"] = file.read()
+    return found
+
+
+def _deciding(texts: dict[str, bytes]) -> set[str]:
+    """Those of the files that hold kernels, and all that they import."""
+    found: set[str] = set()
+    # looking for the plain words first takes a tenth of the time: every process does this when it starts
+    waiting = [path for path, text in texts.items() if _WORDS in text and _COMPILED.search(text.decode())]
     while waiting:
         path = waiting.pop()
         if path not in found:
             found.add(path)
-            waiting += [other for other in _imported(texts[path]) if other in texts]
-    return sorted(root / path for path in found)
+            waiting += [other for other in _imported(texts[path].decode()) if other in texts]
+    return found
 
 
-def _imported(text: str) -> Iterator[Path]:
+def _imported(text: str) -> Iterator[str]:
     """The files that the import statements of a source may mean, whether or not they exist."""
     for found in _IMPORT.finditer(text):
-        base = Path(*(found["source"] or found["module"]).split("."))
-        yield base.with_suffix(".py")
-        yield base / "__init__.py"
+        base = (found["source"] or found["module"]).replace(".", "/")
+        yield f"{base}.py"
+        yield f"{base}/__init__.py"
         for name in (found["block"] or found["line"] or "").split(","):
             if words := name.split():
-                yield base / f"{words[0]}.py"
-                yield base / words[0] / "__init__.py"
+                yield f"{base}/{words[0]}.py"
+                yield f"{base}/{words[0]}/__init__.py"
 
 
 def source_digest(root: Path) -> str:
     """A hash of numba's version and of all that decides compiled code below `root`: the same in every process."""
     digest = hashlib.sha256(numba.__version__.encode())
-    for path in kernel_sources(root):
-        digest.update(path.relative_to(root).as_posix().encode())
-        digest.update(path.read_bytes())
+    texts = _texts(root)
+    for path in sorted(_deciding(texts), key=lambda path: path.split("/")):
+        digest.update(path.encode())
+        digest.update(texts[path])
     return digest.hexdigest()[:16]
 
 

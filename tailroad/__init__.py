@@ -27,6 +27,7 @@ from service.analysis.run import (
     resume,
 )
 from service.errors import TailroadError
+from service.evaluation.submitit_executor import SubmititExecutor
 from service.remote.client.service import RemoteReplay, RemoteRun, Service, client
 from service.world.scenario import Scenario, load_scenario
 
@@ -41,6 +42,7 @@ __all__ = [
     "Run",
     "Scenario",
     "Service",
+    "SubmititExecutor",
     "TailroadError",
     "client",
     "compare",

@@ -54,7 +54,8 @@ def test_estimate_compares_naive_monte_carlo_and_the_cross_entropy_method(tmp_pa
 
 
 def test_an_interrupted_estimate_is_continued_to_the_same_result(tmp_path: Path) -> None:
-    command = ("estimate", "i80-paper-10s", "--ego", "idm", "--method", "naive", *SMALL)
+    smaller = ["300" if word == "1000" else word for word in SMALL]
+    command = ("estimate", "i80-paper-10s", "--ego", "idm", "--method", "naive", *smaller)
     whole = json.loads(run(tmp_path, *command, "--out", "whole").stdout)
     with subprocess.Popen(
         [TAILROAD, *command, "--out", "broken"],
