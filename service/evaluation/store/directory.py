@@ -22,6 +22,7 @@ from service.errors import StoreError
 from service.evaluation.differences import first_difference
 from service.evaluation.job import Job
 from service.evaluation.software import software
+from service.evaluation.store.artefacts import ArtefactRecord
 from service.evaluation.store.beginnings import Beginnings, beginning_row
 from service.evaluation.store.chunk import HERE, Chunk
 from service.evaluation.store.database import open_engine, sqlite_url, writing
@@ -54,6 +55,7 @@ class RunDirectory(Closing):
             raise StoreError(f"{error}; check the folder, or start a new run with another --out") from error
         self._record = ChunkRecord(self._engine)
         self._beginnings = Beginnings(self._engine)
+        self.artefacts = ArtefactRecord(self._engine)
 
     @classmethod
     def create(cls, path: Path, jobs: tuple[Job, ...]) -> "RunDirectory":

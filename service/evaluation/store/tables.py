@@ -8,7 +8,7 @@ one that does not match them is replaced.
 
 import sqlalchemy as sa
 
-VERSION = "0006"  # the newest of migrations/versions
+VERSION = "0008"  # the newest of migrations/versions
 
 metadata = sa.MetaData()
 
@@ -132,4 +132,13 @@ tallies = sa.Table(
     metadata,
     _key("job"),
     sa.Column("chunks", sa.Integer, nullable=False),  # of the job that were ever recorded
+)
+
+artefacts = sa.Table(
+    "artefacts",
+    metadata,
+    _key("job"),
+    _key("name"),
+    sa.Column("data", sa.LargeBinary, nullable=False),
+    sa.Column("checksum", sa.Text, nullable=False),  # of job, name and data
 )
