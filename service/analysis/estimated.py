@@ -6,6 +6,7 @@ import msgspec
 
 from service.analysis.estimate_parts import EstimateWarning, Rollouts
 from service.analysis.notebook import estimate_html
+from service.analysis.wording import treatment
 from service.evaluation.summary import Ending
 
 
@@ -56,7 +57,8 @@ class Estimated(msgspec.Struct, frozen=True, kw_only=True):
     def in_short(self) -> str:
         """p with its interval, as a line of a console shows it."""
         p = "not known" if self.p is None else f"{self.p:.3g}"
-        return f"p = {p}, {self.ci[0]:.3g} to {self.ci[1]:.3g}"
+        treated = treatment(self.rollouts.failed, self.rollouts.total)
+        return f"p = {p}, {self.ci[0]:.3g} to {self.ci[1]:.3g}" + (f" ({treated})" if treated else "")
 
     def _repr_html_(self) -> str:
         return estimate_html(self)

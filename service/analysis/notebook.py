@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from service.analysis.wording import level, one_in, quantity, significant
+from service.analysis.wording import level, one_in, quantity, significant, treatment
 
 if TYPE_CHECKING:
     from service.analysis.comparison.objects import Comparison
@@ -58,7 +58,12 @@ def table(heads: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]]) -> st
 
 
 def p_html(estimate: "Estimated") -> str:
-    """p with its standard error, or why it is not to be relied on."""
+    """p with its standard error, or why it is not to be relied on, and how failed rollouts were treated."""
+    treated = treatment(estimate.rollouts.failed, estimate.rollouts.total)
+    return _p(estimate) + (f"<br>{escape(treated)}" if treated else "")
+
+
+def _p(estimate: "Estimated") -> str:
     if estimate.p is None:
         return "not known"
     if not estimate.variance_reliable:

@@ -61,6 +61,16 @@ def duration(seconds: float) -> str:
     return f"{hours:,} h {minutes} min" if hours else f"{minutes} min {rest} s"
 
 
+def treatment(failed: int, total: int) -> str:
+    """How failed rollouts were treated in p, "" where none failed."""
+    if not failed:
+        return ""
+    return (
+        f"{failed:,} of {total:,} rollouts failed and have no f: no events in p and the interval's lower end, events "
+        "in its upper end"
+    )
+
+
 def one_in(p: float) -> str:
     """A probability as one in so many rollouts, or so many in 100 where it is large."""
     if p <= 0:

@@ -71,5 +71,8 @@ def evaluate_recorded(
     algorithm = problem.algorithm
     watcher.on_job(job, algorithm.total_rollouts)
     with LazyPool(job, workers, open_world, executor) as pool:
-        run_batch = RecordedBatches(store, job, pool, watcher.on_chunk, Tolerance(max_failed))
-        return evaluate(algorithm, problem.stream_seed, run_batch, watcher.on_record)
+        tolerance = Tolerance(max_failed)
+        run_batch = RecordedBatches(store, job, pool, watcher.on_chunk, tolerance)
+        estimate = evaluate(algorithm, problem.stream_seed, run_batch, watcher.on_record)
+        tolerance.end()
+        return estimate

@@ -32,10 +32,10 @@ class Ending(msgspec.Struct, frozen=True):
 
 def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost", endings: Sequence[Ending]) -> dict[str, Any]:
     """The object that `tailroad estimate --json` prints."""
-    low, high = estimate.ci
+    low, high = estimate.ci if known(estimate) else (0.0, 1.0)
     return {
-        "p": _number(estimate.p),
-        "std_error": _number(estimate.std_error),
+        "p": _number(estimate.p) if known(estimate) else None,
+        "std_error": _number(estimate.std_error) if known(estimate) else None,
         "ci": [low, high],
         "confidence": estimate.confidence,
         "gamma": job.gamma,
@@ -63,6 +63,11 @@ def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost", endings: Sequence[
         "tailroad": job.tailroad,
         **cost.as_dict(),
     }
+
+
+def known(estimate: ce.Estimate) -> bool:
+    """Whether any rollout that the estimate is made of has an f: where every one failed, p would be nobody's."""
+    return not estimate.f.size or not bool(np.isnan(estimate.f).all())
 
 
 # warnings under which not even the interval can be relied on

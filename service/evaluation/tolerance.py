@@ -1,9 +1,8 @@
 """When a job stops for failed rollouts: a black box may answer late, or nonsense, or not at all."""
 
 from service.errors import TooManyFailures
+from service.evaluation.failed_share import JUDGED_FROM, SHOWN, too_many
 from service.evaluation.store import FAILED, Chunk
-
-JUDGED_FROM = 50  # rollouts: a share of fewer says little
 
 
 class Tolerance:
@@ -16,6 +15,7 @@ class Tolerance:
         self.max_failed = max_failed
         self._rollouts = 0
         self._failed = 0
+        self._first: list[str] = []
 
     def see(self, chunk: Chunk) -> None:
         """Count a chunk; TooManyFailures where the share is passed. Such a chunk is not to be recorded, so that its
@@ -31,3 +31,12 @@ class Tolerance:
             )
         self._failed += failed
         self._rollouts = rollouts
+        for row, reason in sorted(chunk.errors.items())[: SHOWN - len(self._first)]:
+            self._first.append(f"rollout {chunk.start + row}: {reason}")
+
+    def end(self) -> None:
+        """The job is at its end: TooManyFailures where the share is passed, or every rollout failed."""
+        if told := too_many(self._failed, self._rollouts, self.max_failed, self._first, at_end=True):
+            raise TooManyFailures(
+                f"{told}. What was run is kept: put the ego right and start a new run, or allow more with --max-failed"
+            )

@@ -40,6 +40,7 @@ from service.analysis.report.objects import (
 )
 from service.analysis.risk import POLICE_REPORTED, Baseline, Risk, event_of, rate_of
 from service.analysis.thresholds import curve_gammas
+from service.analysis.wording import treatment
 from service.evaluation import record as records_of_jobs
 from service.evaluation.job import Job
 from service.evaluation.record import JobRecord
@@ -253,6 +254,7 @@ def _headline(jobs: Sequence[JobFacts]) -> Headline:
         ci=best.ci,
         confidence=best.confidence,
         rollouts=best.rollouts.total,
+        failures=treatment(best.rollouts.failed, best.rollouts.total),
     )
 
 

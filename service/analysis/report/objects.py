@@ -22,7 +22,8 @@ class _Fact(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class Headline(_Fact, frozen=True):
-    """The estimate that heads the report. settled: without warnings about itself."""
+    """The estimate that heads the report. settled: without warnings about itself; failures: how failed rollouts were
+    treated in p, "" where none failed."""
 
     job: str
     by_method: str
@@ -33,6 +34,7 @@ class Headline(_Fact, frozen=True):
     ci: tuple[float, float]
     confidence: float
     rollouts: int
+    failures: str = ""
 
 
 class ScenarioFacts(_Fact, frozen=True):

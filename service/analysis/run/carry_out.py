@@ -11,6 +11,7 @@ from typing import Any
 import ce
 from service.analysis.run.run import Run
 from service.evaluation.cores import core_count
+from service.evaluation.failed_share import MAX_FAILED
 from service.evaluation.job import Job, compiled
 from service.evaluation.pool import WORLDS, InSumo, OpenWorld
 from service.evaluation.recorded import Watcher, evaluate_recorded
@@ -20,7 +21,6 @@ from service.world.egos.here import give_again
 from service.world.egos.open import check_ego
 
 RUNS = Path("runs")  # where runs go that are given no folder
-MAX_FAILED = 0.1  # share of failed rollouts at which a run is given up
 
 
 class Interrupted(KeyboardInterrupt):

@@ -63,6 +63,7 @@ class JobRow(msgspec.Struct, frozen=True):
     at: str
     status: str
     reason: str  # of the status, where there is one to tell
+    max_failed: float = 1.0  # share of failed rollouts that is tolerated
 
 
 class Event(msgspec.Struct, frozen=True):
@@ -122,7 +123,16 @@ class JobStore(Closing):
 
     # -- jobs and what they tell -----------------------------------------------------------------------------
 
-    def add_job(self, job_id: str, job: Job, priority: int, weight: float, label: str, status: str) -> JobRow:
+    def add_job(
+        self,
+        job_id: str,
+        job: Job,
+        priority: int,
+        weight: float,
+        label: str,
+        status: str,
+        max_failed: float = 1.0,
+    ) -> JobRow:
         """Record a new job with its first status; StoreError where there is one of that id."""
         now = _now()
         try:
@@ -130,13 +140,13 @@ class JobStore(Closing):
                 number = 1 + (connection.scalar(sa.select(sa.func.max(jobs.c.number))) or 0)
                 spec = msgspec.json.encode(job).decode()
                 row = {"id": job_id, "number": number, "spec": spec, "priority": priority, "weight": weight,
-                       "label": label, "at": now}  # fmt: skip
+                       "label": label, "at": now, "max_failed": max_failed}  # fmt: skip
                 connection.execute(sa.insert(jobs), row)
                 connection.execute(sa.insert(beginnings), beginning_row(job_id, job))
                 _add_event(connection, job_id, STATUS, {"status": status, "reason": ""}, now)
         except IntegrityError as error:
             raise StoreError(f"there is a job {job_id!r} already") from error
-        return JobRow(job_id, number, job, priority, weight, label, now, status, "")
+        return JobRow(job_id, number, job, priority, weight, label, now, status, "", max_failed)
 
     def job(self, job_id: str) -> JobRow | None:
         return next(iter(self._jobs(_WITH_STATUS.where(jobs.c.id == job_id))), None)
@@ -178,7 +188,7 @@ class JobStore(Closing):
             status = msgspec.json.decode(row.status)
             job = msgspec.json.decode(row.spec, type=Job)
             yield JobRow(row.id, row.number, job, row.priority, row.weight, row.label, row.at,
-                         status["status"], status["reason"])  # fmt: skip
+                         status["status"], status["reason"], row.max_failed)  # fmt: skip
 
     # -- chunks, iterations, audits --------------------------------------------------------------------------
 

@@ -8,7 +8,7 @@ one that does not match them is replaced.
 
 import sqlalchemy as sa
 
-VERSION = "0008"  # the newest of migrations/versions
+VERSION = "0009"  # the newest of migrations/versions
 
 metadata = sa.MetaData()
 
@@ -70,6 +70,7 @@ jobs = sa.Table(
     sa.Column("priority", sa.Integer, nullable=False),
     sa.Column("weight", sa.Float, nullable=False),
     sa.Column("label", sa.Text, nullable=False),
+    sa.Column("max_failed", sa.Float, nullable=False, server_default="1"),  # share that is tolerated
     sa.Column("at", sa.Text, nullable=False),
 )
 

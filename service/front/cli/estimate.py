@@ -13,7 +13,7 @@ import ce
 from service.analysis.run import Interrupted, estimate
 from service.analysis.run import resume as go_on
 from service.analysis.run.question import METHOD
-from service.analysis.wording import quantity
+from service.analysis.wording import quantity, treatment
 from service.errors import InputError, WorkerError
 from service.evaluation.cores import core_count
 from service.evaluation.options import FLAGS_OF_CE
@@ -24,6 +24,7 @@ from service.front.cli.options import (
     finite,
     in_sumo_option,
     json_option,
+    max_failed_option,
     seed_option,
     workers_option,
 )
@@ -68,8 +69,7 @@ NOT_PRECISE = 3
               "[default: runs/SCENARIO-EGO-TIME]")  # fmt: skip
 @click.option("--resume", type=click.Path(exists=True, file_okay=False, path_type=Path),
               help="Continue the run in this directory; its own settings hold.")  # fmt: skip
-@click.option("--max-failed", type=click.FloatRange(0, 1), callback=finite, default=0.1, show_default=True,
-              help="Stop when more than this share of the rollouts fails; 0: at the first, 1: never.")  # fmt: skip
+@max_failed_option()
 @click.option("--report/--no-report", "with_report", default=True, help="Write the HTML report at the end.")
 @in_sumo_option()
 @json_option()
@@ -181,6 +181,8 @@ def _print(summaries: list[dict[str, Any]], compared: list[dict[str, Any]]) -> N
     row("x real time a core", [f"{s['x_realtime_per_core'] or 0.0:.0f}" for s in summaries])
     console.print(table)
     for s in summaries:
+        if treated := treatment(s["rollouts"]["failed"], s["rollouts"]["total"]):
+            console.print(f"[yellow]{s.get('job', s['method'])}: {treated}[/yellow]", highlight=False)
         for warning in s["warnings"]:
             console.print(
                 f"[yellow]{s['method']}: {warning['name']}[/yellow]: {warning['message']}. Remedy: {warning['remedy']}"

@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from service.errors import InputError
+from service.evaluation.failed_share import MAX_FAILED
 from service.world.scenario.measures import MEASURES
 
 MAX_SEED = 2**63 - 1
@@ -82,6 +83,12 @@ def in_sumo_option() -> Callable:
         help="Rollouts that SUMO drives: the events and one in 100 of the others, which must have the bits of the "
         "compiled ones (of frequent events a share); or all.",
     )
+
+
+def max_failed_option() -> Callable:
+    return click.option("--max-failed", type=click.FloatRange(0, 1), callback=finite, default=MAX_FAILED,
+                        show_default=True, help="Stop when more than this share of the rollouts fails; 0: at the "
+                        "first, 1: never.")  # fmt: skip
 
 
 def json_option() -> Callable:

@@ -5,10 +5,11 @@ import msgspec
 from rich.console import Console
 from rich.table import Table
 
-from service.analysis.wording import quantity
+from service.analysis.wording import quantity, treatment
 from service.front.cli.client_options import client_options, echo_json
 from service.front.cli.jobs import counted, status_text
 from service.front.cli.options import finite, json_option
+from service.remote.api.objects import Estimate, Job
 from service.remote.client import Client
 
 
@@ -33,7 +34,7 @@ def command(job: str, gamma: float | None, confidence: float | None, client: Cli
         "rollouts": counted(found) or f"{estimate.rollouts.total:,}",
         "question": f"p = P0(f <= {quantity(estimate.gamma, estimate.unit)}), {found.scenario}, ego {found.ego}, "
         f"{found.method}, seed {found.seed}",
-        "p": "not known" if estimate.p is None else f"{estimate.p:.3g} ± {estimate.std_error or 0.0:.2g}",
+        "p": _p(found, estimate),
         f"{estimate.confidence:.0%} interval": f"{estimate.ci[0]:.3g} to {estimate.ci[1]:.3g}",
         "events": f"{estimate.events:,}",
         "worker time": f"{estimate.worker_s:.0f} s",
@@ -48,3 +49,13 @@ def command(job: str, gamma: float | None, confidence: float | None, client: Cli
         console.print(f"[yellow]{warning.name}[/yellow]: {warning.message}. Remedy: {warning.remedy}")
     for worker, why in found.refusals.items():
         console.print(f"[yellow]worker {worker}[/yellow] cannot run it: {why}", highlight=False)
+
+
+def _p(job: Job, estimate: Estimate) -> str:
+    """p with its standard error, and how failed rollouts were treated in it."""
+    if job.status == "failed":
+        return "withheld: the job has failed"
+    if estimate.p is None:
+        return "not known"
+    treated = treatment(estimate.rollouts.failed, estimate.rollouts.total)
+    return f"{estimate.p:.3g} ± {estimate.std_error or 0.0:.2g}" + (f"\n{treated}" if treated else "")

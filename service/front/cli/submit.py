@@ -8,6 +8,7 @@ from service.front.cli.client_options import client_options, echo_json
 from service.front.cli.options import (
     finite,
     json_option,
+    max_failed_option,
     seed_option,
 )
 from service.front.cli.question_options import method_options, option_of, scenario_options
@@ -37,6 +38,7 @@ METHODS = ("auto", "naive", "ce", "mixture", "splitting")
               help="Of two jobs the one of higher priority goes first.")  # fmt: skip
 @click.option("--weight", type=click.FloatRange(0.01, 100), callback=finite, default=1.0, show_default=True,
               help="Share of the workers among jobs of one priority.")  # fmt: skip
+@max_failed_option()
 @click.option("--label", default="", help="Words of your own, to find the job by.")
 @client_options()
 @json_option()

@@ -58,7 +58,7 @@ class JobAnswers:
                 f"there are {self._limits.open_jobs} open jobs; wait for some to end, or cancel some",
                 retry_after_s=60.0,
             )
-        return wire(self._fleet.submit(job, asked.priority, asked.weight, asked.label))
+        return wire(self._fleet.submit(job, asked.priority, asked.weight, asked.label, asked.max_failed))
 
     def cancel(self, asked: Nothing, job: str) -> Done:
         self._fleet.cancel(job)

@@ -5,6 +5,8 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from service.evaluation.failed_share import MAX_FAILED
+
 MAX_PAGE = 1000
 MAX_ROLLOUTS = 10_000  # of one page
 Seed = Annotated[int, Meta(ge=0, le=2**63 - 1)]
@@ -159,6 +161,7 @@ class Submission(_Request, frozen=True):
     scenario: the name of a listed one, or a scenario by value (what its file says, as JSON)
     options: of the method, beyond budget, rel_error and confidence
     measure, noise_mode: in place of the scenario's
+    max_failed: share of its rollouts that may fail: 0 ends the job at the first, 1 lets any fail
     """
 
     scenario: Annotated[str, Meta(min_length=1, max_length=64)] | dict[str, Any]
@@ -173,5 +176,6 @@ class Submission(_Request, frozen=True):
     priority: Annotated[int, Meta(ge=-100, le=100)] = 0
     weight: Annotated[float, Meta(ge=0.01, le=100.0)] = 1.0
     label: Annotated[str, Meta(max_length=200)] = ""
+    max_failed: Annotated[float, Meta(ge=0.0, le=1.0)] = MAX_FAILED
     measure: Annotated[str, Meta(min_length=1, max_length=2000)] | None = None
     noise_mode: Literal["drawn", "frozen", "searched"] | None = None

@@ -12,6 +12,7 @@ import numpy as np
 
 import ce
 from service.errors import StoreError
+from service.evaluation.failed_share import SHOWN
 from service.evaluation.store import Chunk, Origin
 from service.evaluation.store.draws import row_hashes, rows_digest
 
@@ -47,13 +48,29 @@ class BatchStep:
 
 @dataclass(frozen=True)
 class Replay:
-    """Where the recorded chunks take a job. records: of the batches answered on the way; rollouts: of theirs and the
-    open batch's in the record; stale: chunks of rows that the batches do not have."""
+    """Where the recorded chunks take a job.
+
+    records: of the batches answered on the way
+    rollouts: of theirs and the open batch's in the record
+    stale: chunks of rows that the batches do not have
+    failed: of the rollouts
+    first_failures: what the first of them said
+    """
 
     step: BatchStep
     records: tuple[IterationRecord, ...]
     rollouts: int
     stale: tuple[ChunkName, ...]
+    failed: int = 0
+    first_failures: tuple[str, ...] = ()
+
+
+def failures_told(phase: str, iteration: int, chunk: Chunk) -> list[str]:
+    """What each failed rollout of a chunk said, by its row."""
+    return [
+        f"rollout {chunk.start + row} ({phase} {iteration}): {reason}"
+        for row, reason in sorted(chunk.errors.items())
+    ]
 
 
 def open_step(algorithm: ce.Algorithm, seed: int, epoch: int, read: ReadChunks) -> Replay:
@@ -71,16 +88,19 @@ def next_step(algorithm: ce.Algorithm, step: BatchStep, epoch: int, read: ReadCh
 def _replayed(algorithm: ce.Algorithm, step: BatchStep, epoch: int, read: ReadChunks) -> Replay:
     records: list[IterationRecord] = []
     stale: list[ChunkName] = []
-    rollouts = 0
+    told: list[str] = []
+    rollouts = failed = 0
     while step.batch is not None:
-        step, others = _filled(step, epoch, read)
+        step, others, wrong = _filled(step, epoch, read)
         stale += others
+        told += wrong[: SHOWN - len(told)]
         rollouts += int(np.count_nonzero(step.done))
+        failed += int(np.count_nonzero(np.isnan(step.f[step.done])))
         if not step.done.all():
             break
         step, record = _answered(algorithm, step)
         records.append(record)
-    return Replay(step, tuple(records), rollouts, tuple(stale))
+    return Replay(step, tuple(records), rollouts, tuple(stale), failed, tuple(told))
 
 
 def _answered(algorithm: ce.Algorithm, step: BatchStep) -> tuple[BatchStep, IterationRecord]:
@@ -99,8 +119,9 @@ def _step_of(algorithm: ce.Algorithm, number: int, state: Any) -> BatchStep:
     )
 
 
-def _filled(step: BatchStep, epoch: int, read: ReadChunks) -> tuple[BatchStep, list[ChunkName]]:
-    """The step with what the record has of its batch, and the chunks that are of other rows than the batch's.
+def _filled(step: BatchStep, epoch: int, read: ReadChunks) -> tuple[BatchStep, list[ChunkName], list[str]]:
+    """The step with what the record has of its batch, the chunks that are of other rows than the batch's, and what its
+    failed rollouts said.
 
     Those are from before an earlier chunk was voided. In the present epoch there can be none: StoreError.
     """
@@ -108,6 +129,7 @@ def _filled(step: BatchStep, epoch: int, read: ReadChunks) -> tuple[BatchStep, l
     assert batch is not None
     f, done = step.f.copy(), step.done.copy()
     stale: list[ChunkName] = []
+    told: list[str] = []
     for chunk, origin in read(batch.phase, batch.iteration, batch.start, batch.stop):
         first, last = max(chunk.start, batch.start), min(chunk.stop, batch.stop)
         whole = (first, last) == (chunk.start, chunk.stop)
@@ -122,4 +144,5 @@ def _filled(step: BatchStep, epoch: int, read: ReadChunks) -> tuple[BatchStep, l
             continue
         f[first - batch.start : last - batch.start] = chunk.f[first - chunk.start : last - chunk.start]
         done[first - batch.start : last - batch.start] = True
-    return replace(step, f=f, done=done), stale
+        told += failures_told(batch.phase, batch.iteration, chunk)
+    return replace(step, f=f, done=done), stale, told

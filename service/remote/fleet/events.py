@@ -20,6 +20,7 @@ class Submitted:
 
     audited: the same rollout has the same bits on any worker
     held_bytes: memory that it takes while it is open, at most
+    max_failed: share of its rollouts that may fail
     """
 
     job: str
@@ -29,6 +30,7 @@ class Submitted:
     paused: bool = False
     audited: bool = True
     held_bytes: int = 0
+    max_failed: float = 1.0
 
 
 @dataclass(frozen=True)

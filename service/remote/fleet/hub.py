@@ -136,7 +136,9 @@ class Hub:
         ego = row.job.ego
         own = not ego.startswith(REMOTE)  # a black box may answer late on one worker and not on another
         paused = row.status == "paused"
-        self.post(E.Submitted(row.id, ego, row.priority, row.weight, paused, own, _held_bytes(row)))
+        self.post(
+            E.Submitted(row.id, ego, row.priority, row.weight, paused, own, _held_bytes(row), row.max_failed)
+        )
 
     def post(self, event: E.Event) -> None:
         self._inbox.put(event)

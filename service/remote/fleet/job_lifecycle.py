@@ -59,9 +59,11 @@ class JobLifecycle:
             return
         replay = event.replay
         if isinstance(event, E.Opened):
-            job.epoch, job.rollouts = event.epoch, 0
-        job.rollouts += replay.rollouts
+            job.epoch, job.rollouts, job.failed, job.first_failures = event.epoch, 0, 0, []
+        job.count(replay.rollouts, replay.failed, replay.first_failures)
         self._note(job, replay.step.number - len(replay.records), *replay.records)
+        if replay.step.batch is not None and self.fails(job):
+            return
         if replay.step.batch is None:
             job.phase, job.step = Phase.SETTLING, replay.step
             self.settle(job)
@@ -102,6 +104,13 @@ class JobLifecycle:
             self._admit()
             self._assignment.assign()
 
+    def fails(self, job: JobState, at_end: bool = False) -> bool:
+        """End a job of which too many rollouts failed; whether it is one. at_end: it has no more of them."""
+        why = job.failed_too_often(at_end)
+        if why:
+            self.close(job, "failed", why)
+        return bool(why)
+
     def close(self, job: JobState, status: str, reason: str = "") -> None:
         """The job is over: forget it, and let others have what it held."""
         del self._jobs[job.id]
@@ -115,7 +124,8 @@ class JobLifecycle:
         if job.phase is not Phase.SETTLING or self._state.voiding:
             return
         if not self._auditing.holds_back(job, self._workers):
-            self.close(job, "done")
+            if not self.fails(job, at_end=True):
+                self.close(job, "done")
         elif not job.waiting and self._auditing.needs_another(job, self._workers):
             job.waiting = True
             reason = "two workers disagree and none of the others is there to decide; start another worker"

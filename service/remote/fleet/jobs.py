@@ -1,13 +1,15 @@
 """A job as the scheduler sees it: its open batch, what is out, what is answered."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
 
 import ce
+from service.evaluation.failed_share import SHOWN, too_many
 from service.evaluation.store import Chunk
-from service.remote.fleet.batch_step import BatchStep
+from service.remote.fleet.batch_step import BatchStep, failures_told
 from service.remote.fleet.events import Submitted
 from service.remote.fleet.messages import ChunkKey, Drawn, Explicit
 from service.remote.fleet.pending import Pending, Range
@@ -70,6 +72,8 @@ class JobState:
     f: np.ndarray = field(default_factory=lambda: np.zeros(0))
     left: int = 0  # rows of the batch that are not in the record
     rollouts: int = 0  # in the record, of all batches
+    failed: int = 0  # of them
+    first_failures: list[str] = field(default_factory=list)  # what the first of them said
     pending: Pending = field(default_factory=lambda: Pending(np.zeros(0, bool), 0))
     flights: dict[tuple[int, int], Flight] = field(default_factory=dict)
     # of the batch: bits, worker
@@ -163,4 +167,19 @@ class JobState:
         first = chunk.start - self.batch.start
         self.f[first : first + chunk.f.size] = chunk.f
         self.left -= chunk.f.size
-        self.rollouts += chunk.f.size
+        self.count(
+            chunk.f.size,
+            int(np.count_nonzero(np.isnan(chunk.f))),
+            failures_told(self.batch.phase, self.batch.iteration, chunk),
+        )
+
+    def count(self, rollouts: int, failed: int, told: Sequence[str]) -> None:
+        """Add rollouts that are in the record; told: what the failed ones said."""
+        self.rollouts += rollouts
+        self.failed += failed
+        self.first_failures += told[: SHOWN - len(self.first_failures)]
+
+    def failed_too_often(self, at_end: bool = False) -> str:
+        """Why its failed rollouts end it, "" where they do not."""
+        most = self.submitted.max_failed
+        return too_many(self.failed, self.rollouts, most, self.first_failures, at_end)

@@ -84,6 +84,8 @@ class Leases:
             if job is None or ticket.generation != job.generation or not job.is_of_batch(ticket.key):
                 continue
             job.fill(ticket.chunk)
+            if job.left and self._lifecycle.fails(job):
+                continue
             if self._auditing.picks(job, ticket, self._workers):
                 self._auditing.begin(job, ticket)
             if job.left == 0:

@@ -13,6 +13,7 @@ import msgspec
 import ce
 from service.errors import InputError
 from service.evaluation.endings import endings_of
+from service.evaluation.failed_share import MAX_FAILED
 from service.evaluation.job import Job
 from service.evaluation.record import JobRecord, replay
 from service.evaluation.store.jobs import Event, JobRow, Mark
@@ -27,6 +28,12 @@ from service.world.scenario.measures import measure_kind
 
 MAX_OPEN_JOBS = 1000
 MAX_THRESHOLDS = 1000
+WITHHELD = {
+    "p": None,
+    "std_error": None,
+    "ci": [0.0, 1.0],
+    "efficiency_vs_naive": None,
+}  # of a job that failed
 
 
 class JobView(msgspec.Struct, frozen=True):
@@ -52,6 +59,7 @@ class JobView(msgspec.Struct, frozen=True):
     refusals: dict[str, str] = {}  # workers that cannot run it, and why
     measure: str = ""
     noise_mode: str = ""
+    max_failed: float = 1.0  # share of failed rollouts that is tolerated
 
 
 class Doing(msgspec.Struct, frozen=True):
@@ -102,9 +110,19 @@ class Fleet:
 
     # -- jobs ------------------------------------------------------------------------------------------------
 
-    def submit(self, job: Job, priority: int = 0, weight: float = 1.0, label: str = "") -> JobView:
+    def submit(
+        self,
+        job: Job,
+        priority: int = 0,
+        weight: float = 1.0,
+        label: str = "",
+        max_failed: float = MAX_FAILED,
+    ) -> JobView:
         """Record a job and have it run. Of two jobs the one of higher priority goes first; jobs of one priority share
-        the workers by weight. InputError for values out of range or too many open jobs."""
+        the workers by weight; a job of which a larger share than max_failed of the rollouts fails has failed.
+        InputError for values out of range or too many open jobs."""
+        if not 0.0 <= max_failed <= 1.0:
+            raise InputError(f"max_failed {max_failed}: give a share from 0 to 1")
         if not -100 <= priority <= 100:
             raise InputError(f"priority {priority}: give a whole number from -100 to 100")
         if not 0.01 <= weight <= 100.0:
@@ -114,7 +132,9 @@ class Fleet:
         with self._submitting:  # so that of several that come together each counts those before it
             if self.open_jobs() >= MAX_OPEN_JOBS:
                 raise InputError(f"there are {MAX_OPEN_JOBS} open jobs; wait for some to end, or cancel some")
-            row = self._store.add_job(f"j{secrets.token_hex(6)}", job, priority, weight, label, "running")
+            row = self._store.add_job(
+                f"j{secrets.token_hex(6)}", job, priority, weight, label, "running", max_failed
+            )
             self._hub.take_up(row)
         return self._view(row, {})
 
@@ -161,18 +181,21 @@ class Fleet:
         self, job: str, gamma: float | None = None, confidence: float | None = None
     ) -> dict[str, Any]:
         """The estimate so far as `tailroad estimate --json` prints it, from the batches that are complete; at another
-        threshold or confidence where given."""
+        threshold or confidence where given. Of a job that failed p and its interval are withheld."""
         row, found = self._row(job), self._estimate(job, gamma, confidence)
         cost = Cost(0)
         worker_s, steps, in_sumo = self._store.cost(job)
         cost.add(worker_s, steps * row.job.scenario.time.step_s, in_sumo)
         endings = endings_of(found, self.reader(job).all_chunks(row.job.id))
-        return summary_of(msgspec.structs.replace(row.job, gamma=found.gamma), found, cost, endings)
+        told = summary_of(msgspec.structs.replace(row.job, gamma=found.gamma), found, cost, endings)
+        return told | WITHHELD if row.status == "failed" else told
 
     def curve(self, job: str, gammas: Sequence[float], confidence: float | None = None) -> ce.Curve:
         """p and its pointwise interval at each threshold, from the same rollouts."""
         if not 1 <= len(gammas) <= MAX_THRESHOLDS:
             raise InputError(f"{len(gammas)} thresholds; give 1 to {MAX_THRESHOLDS}")
+        if (row := self._row(job)).status == "failed":
+            raise InputError(f"job {job} has failed, and its p is withheld: {row.reason}")
         return self._estimate(job, None, confidence).curve(gammas)
 
     def iterations(self, job: str, after: int = -1, limit: int = 1000) -> list[dict[str, Any]]:
@@ -247,7 +270,8 @@ class Fleet:
         return JobView(row.id, row.number, row.label, job.scenario.name, job.ego, job.gamma,
                        measure_kind(job.scenario.safety.measure).unit, job.method, job.options,
                        job.seed, row.priority, row.weight, row.at, row.status, row.reason, rollouts, leases,
-                       refusals, job.scenario.safety.measure, job.scenario.drivers.noise_mode)  # fmt: skip
+                       refusals, job.scenario.safety.measure, job.scenario.drivers.noise_mode,
+                       row.max_failed)  # fmt: skip
 
 
 def _progress(scheduler: Scheduler) -> dict[str, tuple[int, int, dict[str, str]]]:

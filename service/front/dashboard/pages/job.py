@@ -59,7 +59,7 @@ async def answer(site: Site, request: Request) -> dict[str, Any]:
     if estimate is not None:
         return {"job": job, "estimate": estimate, "over": job.status in OVER, "last": None}
     steps = await steps_of(site, job)
-    last = steps.estimate[-1] if steps.estimate else None
+    last = steps.estimate[-1] if steps.estimate and job.status != "failed" else None
     return {"job": job, "estimate": None, "over": job.status in OVER, "last": last, "again_s": PRELIMINARY_S}
 
 

@@ -30,6 +30,8 @@ WORDS = {
     "seed": ("Seed", "The same seed gives the same bits."),
     "priority": ("Priority", "Of two jobs the one of higher priority goes first."),
     "weight": ("Weight", "Share of the workers among jobs of one priority."),
+    "max_failed": ("Failed rollouts tolerated", "The job has failed when a larger share of its rollouts fails: 0 ends "
+                   "it at the first, 1 never."),
     "label": ("Label", "Words of your own, to find it by."),
     OPTIONS: ("Options of the method", "NAME=VALUE, one a line, as in rho=0.1."),
 }  # fmt: skip
@@ -136,7 +138,7 @@ def _as_given(job: Job) -> dict[str, str]:
     more = {k: v for k, v in job.options.items() if k not in common and v is not None}
     values = {"scenario": job.scenario, "ego": job.ego, "gamma": job.gamma, "method": job.method, "seed": job.seed,
               "priority": job.priority, "weight": job.weight, "label": job.label, "measure": job.measure,
-              "noise_mode": job.noise_mode, **common}  # fmt: skip
+              "noise_mode": job.noise_mode, "max_failed": job.max_failed, **common}  # fmt: skip
     given = {name: "" if value is None else str(value) for name, value in values.items()}
     return given | {OPTIONS: "\n".join(f"{name}={json.dumps(value)}" for name, value in more.items())}
 

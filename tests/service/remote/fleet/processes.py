@@ -96,8 +96,8 @@ def worker(port: int, procs: int = 1) -> Process:
     return Process("worker", "--connect", f"tcp/127.0.0.1:{port}", "--procs", str(procs))
 
 
-def submit(store: JobStore, job: Job) -> None:
-    store.add_job(JOB, job, 0, 1.0, "", "running")
+def submit(store: JobStore, job: Job, max_failed: float = 1.0) -> None:
+    store.add_job(JOB, job, 0, 1.0, "", "running", max_failed)
 
 
 def rollouts(store: JobStore) -> int:
