@@ -18,8 +18,9 @@ import msgspec
 from service.analysis.failures.motion import Motion
 from service.analysis.failures.rerun import Rerun
 from service.evaluation.job import Job
+from service.world.safety.contact import Contact
 
-MEMORY_FORMAT = 1  # to be raised whenever `Motion` or how it is measured changes
+MEMORY_FORMAT = 2  # to be raised whenever `Motion`, `Contact` or how they are measured change
 Key = tuple[int, int]  # iteration, row
 
 
@@ -31,6 +32,7 @@ class _Seen(msgspec.Struct, frozen=True, array_like=True):
     outcome: str
     error: str | None
     motion: Motion | None
+    contact: Contact | None
 
 
 class _File(msgspec.Struct, frozen=True):
@@ -59,10 +61,10 @@ class Memory:
         seen = self._seen.get(key)
         if seen is None or seen.recorded_f != f:
             return None
-        return Rerun(seen.f, seen.outcome, seen.error, motion=seen.motion)
+        return Rerun(seen.f, seen.outcome, seen.error, motion=seen.motion, contact=seen.contact)
 
     def add(self, key: Key, f: float, again: Rerun) -> None:
-        self._seen[key] = _Seen(*key, f, again.f, again.outcome, again.error, again.motion)
+        self._seen[key] = _Seen(*key, f, again.f, again.outcome, again.error, again.motion, again.contact)
 
     def save(self) -> None:
         """Write the file; a run directory that cannot be written to goes without."""

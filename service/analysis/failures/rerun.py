@@ -13,6 +13,7 @@ from service.analysis.trace import Trace, record
 from service.evaluation.job import Job, Problem
 from service.evaluation.process_pool import ProcessPool, TaskKind
 from service.evaluation.processes import context_for
+from service.world.safety.contact import Contact
 from service.world.scenario.noise import Noise
 from service.world.sim.rollout import Simulator
 
@@ -27,8 +28,8 @@ class Rerun:
     """A rollout that was run once more.
 
     driven_m, time_s: how far and how long the ego drove; driving: how the others did; motion: None where the smallest
-    value is to background traffic, or the rollout failed; trace: of those asked for. What is remembered of an earlier
-    time has f, outcome, error and motion alone.
+    value is to background traffic, or the rollout failed; contact: of the ego, where it ended the rollout; trace: of
+    those asked for. What is remembered of an earlier time has f, outcome, error, motion and contact alone.
     """
 
     f: float
@@ -39,6 +40,7 @@ class Rerun:
     motion: Motion | None = None
     driving: Driving | None = None
     trace: Trace | None = None
+    contact: Contact | None = None
 
 
 class Rerunner:
@@ -129,4 +131,5 @@ def rerun(problem: Problem, simulator: Simulator, x: np.ndarray, noise_seed: Noi
         motion_of(trace, problem.job.scenario.safety.rays, problem.corridor),
         driving_of(trace),
         trace,
+        result.contact,
     )

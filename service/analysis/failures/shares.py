@@ -27,6 +27,24 @@ def share_interval(member: np.ndarray, weight: np.ndarray, confidence: float) ->
     return (share, *_korn_graubard(share, n, confidence))
 
 
+def mean_interval(value: np.ndarray, weight: np.ndarray, confidence: float) -> tuple[float, float, float]:
+    """Weighted mean of values (n,) between 0 and 1, with its interval: (mean, low, high).
+
+    Student's, with the linearised variance of the ratio and Kish's effective number of events; from 0 to 1 where that
+    is below 2. Where the values are all but equal, so is the interval.
+    """
+    if not weight.size:
+        return 0.0, 0.0, 1.0
+    w = weight / weight.sum()
+    mean = float(np.clip(np.sum(w * value), 0.0, 1.0))
+    n = 1.0 / float(np.sum(w**2))
+    if n < 2.0:
+        return mean, 0.0, 1.0
+    deviation = math.sqrt(float(np.sum((w * (value - mean)) ** 2)) * n / (n - 1.0))
+    half = float(stdtrit(n - 1.0, 0.5 + 0.5 * confidence)) * deviation
+    return mean, max(mean - half, 0.0), min(mean + half, 1.0)
+
+
 def replicated_share(
     member: np.ndarray,
     share: np.ndarray,
@@ -79,8 +97,22 @@ def replicated_parts(
     is in the sample has them as all others together do."""
     runs = replicated.size
     mine = np.bincount(replication[member], share[member], minlength=runs)
-    all_of = np.bincount(replication, share, minlength=runs)
-    pooled = float(share[member].sum() / share.sum())
+    return _parts(mine, float(share[member].sum()), share, replication, replicated)
+
+
+def replicated_means(
+    value: np.ndarray, share: np.ndarray, replication: np.ndarray, replicated: np.ndarray
+) -> np.ndarray:
+    """The same of values (n,) between 0 and 1 in place of members: their mean times p, in each replication."""
+    mine = np.bincount(replication, share * value, minlength=replicated.size)
+    return _parts(mine, float(np.sum(share * value)), share, replication, replicated)
+
+
+def _parts(
+    mine: np.ndarray, sum_of_all: float, share: np.ndarray, replication: np.ndarray, replicated: np.ndarray
+) -> np.ndarray:
+    all_of = np.bincount(replication, share, minlength=replicated.size)
+    pooled = float(sum_of_all / share.sum())
     return replicated * np.where(all_of > 0.0, mine / np.where(all_of > 0.0, all_of, 1.0), pooled)
 
 
@@ -101,6 +133,18 @@ def _korn_graubard(share: float, n: float, confidence: float) -> tuple[float, fl
     low = float(betaincinv(k, n - k + 1.0, tail)) if k > 0.0 else 0.0
     high = float(betaincinv(k + 1.0, n - k, 1.0 - tail)) if share < 1.0 else 1.0
     return low, high
+
+
+def mean_estimate(estimate: ce.Estimate, rows: np.ndarray, values: np.ndarray, stop: int) -> ce.Estimate:
+    """The estimate of the mean of a value between 0 and 1 (a risk given what happened), from the first `stop` rollouts.
+
+    rows: of the rollouts that have a value above 0, all below `stop`; values: theirs. An event of probability `value`
+    given the rollout weighs that much less; a failed rollout counts with 1 in the upper end.
+    """
+    part = mode_estimate(estimate, rows, stop)
+    log_weights = np.zeros(stop) if part.log_weights is None else part.log_weights.copy()
+    log_weights[rows] += np.log(values)
+    return replace(part, log_weights=log_weights, base_f=np.zeros(0))
 
 
 def mode_estimate(estimate: ce.Estimate, rows: np.ndarray, stop: int) -> ce.Estimate:

@@ -11,7 +11,9 @@ from service.analysis.failures.kinds import kind_of
 from service.analysis.failures.objects import Failure, Mode
 from service.analysis.failures.rerun import Rerun
 from service.analysis.failures.shares import (
+    mean_estimate,
     mode_estimate,
+    replicated_means,
     replicated_p,
     replicated_parts,
     replicated_share,
@@ -117,6 +119,22 @@ def mode_p(
     if isinstance(estimate, ce.ReplicatedEstimate):  # no event at all
         return 0.0, (0.0, estimate.ci[1])
     part = mode_estimate(estimate, events.rows[sample[member]], known_rows(examined))
+    low, high = part.ci
+    return part.p, (low, min(high, max(estimate.ci[1], part.p)))
+
+
+def mean_p(examined: Examined, value: np.ndarray) -> tuple[float, tuple[float, float]]:
+    """p times the mean of a value between 0 and 1 of the sample's rollouts (n,), with its interval: the probability of
+    an event that comes with that probability once the rollout is as it is."""
+    events, sample = examined.events, examined.sample
+    estimate = events.record.estimate
+    if events.replication is not None and events.replicated is not None:
+        parts = replicated_means(value, events.share[sample], events.replication[sample], events.replicated)
+        return replicated_p(parts, estimate.confidence) or (0.0, (0.0, estimate.ci[1]))
+    if isinstance(estimate, ce.ReplicatedEstimate):  # no event at all
+        return 0.0, (0.0, estimate.ci[1])
+    some = value > 0.0
+    part = mean_estimate(estimate, events.rows[sample[some]], value[some], known_rows(examined))
     low, high = part.ci
     return part.p, (low, min(high, max(estimate.ci[1], part.p)))
 

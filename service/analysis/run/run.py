@@ -1,7 +1,7 @@
 """A run on this machine: what was estimated, and everything that can be made of its record."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,9 @@ from service.analysis.report import write_report
 from service.analysis.risk import Risk, risk_of
 from service.analysis.rollout_files import RolloutFiles
 from service.analysis.run.records import record_of, write_file
-from service.analysis.run.verdicts import prevention_of
+from service.analysis.run.verdicts import prevention_of, severity_of_run
+from service.analysis.severity.objects import Severity
+from service.analysis.severity.severe import SPEEDS_MPS
 from service.errors import InputError
 from service.evaluation.endings import endings_of
 from service.evaluation.job import Job, Problem
@@ -159,6 +161,22 @@ class Run:
         onset_ttc_s: time to collision at which a conflict begins, infinite for the rollout's start.
         """
         return prevention_of(self.path, job, references, by, examine, onset_ttc_s, self.workers, watch)
+
+    def severity(
+        self,
+        delta_v_mps: Sequence[float] = SPEEDS_MPS,
+        masses: Mapping[str, float] | None = None,
+        by: Order = "likelihood",
+        job: str | None = None,
+        examine: int = EXAMINED,
+        watch: Watch = look_away,
+    ) -> Severity:
+        """How severe the contacts are: p(contact), p(delta-v at least so much) and p(MAIS3+) by the same weights.
+
+        delta_v_mps: changes of the ego's velocity; masses: of vehicles by name, kg, in place of their class's; by, job,
+        examine, watch: as of `failures`.
+        """
+        return severity_of_run(self.path, job, delta_v_mps, masses, by, examine, self.workers, watch)
 
     def replay(self, rank: int, by: Order = "likelihood", job: str | None = None) -> "Replay":
         """The dangerous rollout at that rank of `failures`, to be looked at."""

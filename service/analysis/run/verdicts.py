@@ -1,16 +1,20 @@
-"""What a run's dangerous rollouts come to beyond their probability: preventable or not. Kept in the run directory."""
+"""What a run's dangerous rollouts come to beyond their probability: preventable or not, and how severe."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from service.analysis.failures.events import Order
-from service.analysis.failures.examine import EXAMINED, Watch, look_away
+from service.analysis.failures.events import Order, events_of
+from service.analysis.failures.examine import EXAMINED, Watch, examine, look_away
+from service.analysis.failures.rerun import Rerunner
 from service.analysis.prevention.conflict import check_reference
 from service.analysis.prevention.kept import keep
 from service.analysis.prevention.objects import Prevention
 from service.analysis.prevention.onset import TTC_S
 from service.analysis.prevention.prevent import DEFAULT, prevent
 from service.analysis.run.records import record_of
+from service.analysis.severity.masses import masses_of
+from service.analysis.severity.objects import Severity
+from service.analysis.severity.severe import SPEEDS_MPS, severity_of
 from service.errors import InputError
 from service.evaluation.cores import core_count
 from service.world.egos.here import ego_name
@@ -21,7 +25,7 @@ def prevention_of(
     job: str | None = None,
     references: Sequence[str] = DEFAULT,
     order: Order = "likelihood",
-    examine: int = EXAMINED,
+    most: int = EXAMINED,
     onset_ttc_s: float = TTC_S,
     workers: int | None = None,
     watch: Watch = look_away,
@@ -40,6 +44,27 @@ def prevention_of(
     for name in names:
         check_reference(name)
     record, _ = record_of(run, job)
-    found = prevent(run.name, record, names, order, examine, onset_ttc_s, workers or core_count(), watch)
+    found = prevent(run.name, record, names, order, most, onset_ttc_s, workers or core_count(), watch)
     keep(run, found)
     return found
+
+
+def severity_of_run(
+    run: Path,
+    job: str | None = None,
+    speeds_mps: Sequence[float] = SPEEDS_MPS,
+    masses: Mapping[str, float] | None = None,
+    order: Order = "likelihood",
+    most: int = EXAMINED,
+    workers: int | None = None,
+    watch: Watch = look_away,
+) -> Severity:
+    """How severe the contacts of a run's job are; the arguments as of `severity_of` and `prevention_of`.
+
+    most: dangerous rollouts at most that are run again
+    """
+    record, _ = record_of(run, job)
+    masses_of(record.job.scenario, masses)  # wrong ones are told before anything is run
+    with Rerunner(record.job, workers or core_count()) as rerunner:
+        examined = examine(events_of(record), rerunner, most=most, folder=run, watch=watch)
+    return severity_of(run.name, examined, order, speeds_mps, masses)

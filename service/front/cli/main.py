@@ -15,6 +15,7 @@ SECTIONS = {
         "compare": "service.front.cli.compare",
         "failures": "service.front.cli.failures",
         "prevent": "service.front.cli.prevent",
+        "severity": "service.front.cli.severity",
         "replay": "service.front.cli.replay",
         "report": "service.front.cli.report",
         "export": "service.front.cli.export",

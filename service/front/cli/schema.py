@@ -8,8 +8,10 @@ import msgspec
 from service.analysis.comparison.objects import Comparison
 from service.analysis.failures.objects import Failure, Failures
 from service.analysis.learned.objects import Learned
+from service.analysis.prevention.objects import Prevention
 from service.analysis.report.objects import Report
 from service.analysis.risk import Risk
+from service.analysis.severity.objects import Severity
 
 SCHEMAS = {
     "failures": Failures,
@@ -17,6 +19,8 @@ SCHEMAS = {
     "comparison": Comparison,
     "learned": Learned,
     "risk": Risk,
+    "prevention": Prevention,
+    "severity": Severity,
     "report": Report,
 }
 

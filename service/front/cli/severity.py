@@ -1,0 +1,121 @@
+"""`tailroad severity RUN`: how severe the contacts are."""
+
+from pathlib import Path
+
+import click
+import msgspec
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from service.analysis.failures.events import ORDERS, Order
+from service.analysis.failures.examine import EXAMINED
+from service.analysis.severity.objects import Injury, Likely, Severity
+from service.analysis.severity.severe import SPEEDS_MPS
+from service.analysis.wording import significant
+from service.errors import InputError
+from service.front.cli.options import json_option, workers_option
+from service.front.cli.progress import progress_bar
+from service.front.cli.runs import method_option, run_argument
+from service.front.cli.tables import whole
+
+
+def _masses(given: tuple[str, ...]) -> dict[str, float]:
+    found = {}
+    for one in given:
+        name, _, kg = one.partition("=")
+        try:
+            found[name] = float(kg)
+        except ValueError:
+            raise InputError(f"--mass {one}: give VEHICLE=KG, as in env1=12000") from None
+    return found
+
+
+@click.command()
+@run_argument()
+@method_option()
+@click.option("--delta-v", "speeds_mps", type=click.FloatRange(min=0.0), multiple=True, default=SPEEDS_MPS,
+              show_default=True, help="Changes of the ego's velocity to give probabilities of, m/s.")  # fmt: skip
+@click.option("--mass", "masses", multiple=True, metavar="VEHICLE=KG",
+              help="A vehicle's mass, in place of its class's.")  # fmt: skip
+@click.option("--by", "order", type=click.Choice(ORDERS), default="likelihood", show_default=True,
+              help="The order that ranks count in, as of `tailroad failures`.")  # fmt: skip
+@click.option("--examine", type=click.IntRange(1), default=EXAMINED, show_default=True,
+              help="Dangerous rollouts at most to run again.")  # fmt: skip
+@workers_option()
+@json_option()
+def command(
+    run: Path,
+    method: str | None,
+    speeds_mps: tuple[float, ...],
+    masses: tuple[str, ...],
+    order: Order,
+    examine: int,
+    workers: int | None,
+    as_json: bool,
+) -> None:
+    """How severe are the contacts: change of velocity, risk of serious injury?
+
+    From the dangerous rollouts of RUN and their weights alone; each is run again, as by `tailroad failures`.
+    """
+    from service.analysis.run.verdicts import severity_of_run
+
+    with progress_bar() as bar:
+        task = bar.add_task("dangerous rollouts", total=None, note="")
+        found = severity_of_run(
+            run, method, speeds_mps, _masses(masses), order, examine, workers,
+            lambda done, total: bar.update(task, completed=done, total=total),
+        )  # fmt: skip
+    if as_json:
+        click.echo(msgspec.json.format(msgspec.json.encode(found), indent=2).decode())
+    else:
+        _print(found)
+
+
+def _print(found: Severity) -> None:
+    console = Console()
+    console.print(
+        f"\n{found.run}: scenario {found.scenario}, ego {found.ego}, {found.method}; {found.contact.events:,} contacts "
+        f"among {found.examined:,} of {found.events:,} dangerous rollouts"
+    )
+    table = Table("of a rollout", "contacts", whole(f"p, {found.confidence:.0%} interval"))
+    table.add_row("contact", *_cells(found.contact))
+    for one in found.at_least:
+        table.add_row(f"delta-v of the ego at least {one.delta_v_mps:g} m/s", *_cells(one))
+    table.add_row("serious injury (MAIS3+) in the ego", *_cells(found.injury))
+    table.add_row("serious injury in the other vehicle", *_cells(found.other_injury))
+    console.print(table)
+    if found.contacts:
+        console.print(
+            f"Of a contact: {_given(found.injury)} in the ego, {_given(found.other_injury)} in the other.",
+            highlight=False,
+        )
+        worst = Table(
+            "rank", "delta-v, m/s", "P(MAIS3+)", "hit at", "other", "relative, m/s", "from, deg", "mode"
+        )
+        for hit in found.contacts:
+            worst.add_row(
+                str(hit.rank),
+                f"{hit.ego.delta_v_mps:.1f}",
+                f"{hit.ego.injury:.1%}",
+                f"{hit.contact.ego_side}, {hit.contact.ego_part}",
+                hit.other or "background",
+                f"{hit.contact.speed_mps:.1f}",
+                f"{hit.direction_deg:.0f}",
+                Text(hit.mode, no_wrap=True),
+            )
+        console.print(worst)
+    for line in found.assumptions:
+        console.print(line, style="dim", highlight=False)
+    for note in found.notes:
+        console.print(f"[yellow]{note}[/yellow]")
+
+
+def _cells(one: Likely) -> tuple[str, str]:
+    low, high = one.ci
+    return f"{one.events:,}", f"{significant(one.p, 2)}, {significant(low, 2)} to {significant(high, 2)}"
+
+
+def _given(injury: Injury) -> str:
+    low, high = injury.given_contact_ci
+    return f"{injury.given_contact:.1%} ({low:.1%} to {high:.1%})"
