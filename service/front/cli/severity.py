@@ -19,6 +19,8 @@ from service.front.cli.progress import progress_bar
 from service.front.cli.runs import method_option, run_argument
 from service.front.cli.tables import whole
 
+SHOWN = 8  # contacts in the table; --json has more
+
 
 def _masses(given: tuple[str, ...]) -> dict[str, float]:
     found = {}
@@ -93,7 +95,7 @@ def _print(found: Severity) -> None:
         worst = Table(
             "rank", "delta-v, m/s", "P(MAIS3+)", "hit at", "other", "relative, m/s", "from, deg", "mode"
         )
-        for hit in found.contacts:
+        for hit in found.contacts[:SHOWN]:
             worst.add_row(
                 str(hit.rank),
                 f"{hit.ego.delta_v_mps:.1f}",

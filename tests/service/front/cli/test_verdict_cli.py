@@ -1,0 +1,77 @@
+"""`tailroad prevent` and `tailroad severity` on a run with contacts."""
+
+import json
+from pathlib import Path
+
+import msgspec
+import pytest
+from click.testing import CliRunner, Result
+
+import tailroad
+from service.analysis.prevention.objects import Prevention
+from service.analysis.severity.objects import Severity
+from service.front.cli.main import main
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Starts close to each other, so that a handful of rollouts has contacts; drivers as the paper's."""
+    return tailroad.estimate(
+        "i80-paper-10s", ego="lidar-paper", gamma=0.0, method="naive", budget=700, seed=1, measure="ttc-impact",
+        out=tmp_path_factory.mktemp("verdict") / "run", workers=2,
+    ).path  # fmt: skip
+
+
+def tell(*words: str | Path) -> Result:
+    return CliRunner().invoke(main, [str(word) for word in words])
+
+
+def test_severity_is_told_and_printed(run: Path):
+    answer = tell("severity", run, "--json", "--delta-v", "0", "--delta-v", "1", "--workers", "1")
+    assert answer.exit_code == 0, answer.output
+    found = msgspec.convert(json.loads(answer.stdout), Severity)
+    assert found.contact.events == found.events >= 1
+    assert found.at_least[0].p == found.contact.p >= found.at_least[1].p
+    assert found.injury.ci[0] <= found.injury.p <= found.injury.ci[1] <= found.contact.ci[1]
+    assert found.injury.p == pytest.approx(found.contact.p * found.injury.given_contact)
+    assert [hit.ego.injury for hit in found.contacts] == sorted(
+        (hit.ego.injury for hit in found.contacts), reverse=True
+    )
+    for hit in found.contacts:
+        assert -hit.f == pytest.approx(hit.contact.speed_mps)
+    printed = tell("severity", run, "--workers", "1").output
+    assert "serious injury" in printed
+
+
+def test_a_heavier_other_is_worse(run: Path):
+    light = json.loads(tell("severity", run, "--json", "--workers", "1").stdout)
+    masses = [f"--mass={name}=40000" for name in light["masses_kg"] if name != "ego"]
+    heavy = json.loads(tell("severity", run, "--json", "--workers", "1", *masses).stdout)
+    assert heavy["injury"]["p"] > light["injury"]["p"]
+    assert heavy["other_injury"]["p"] < light["other_injury"]["p"]
+
+
+def test_prevention_is_told_and_printed(run: Path):
+    answer = tell("prevent", run, "--reference", "fsm", "--onset-ttc", "start", "--json", "--workers", "1")
+    assert answer.exit_code == 0, answer.output
+    found = msgspec.convert(json.loads(answer.stdout), Prevention)
+    assert found.onset_ttc_s is None
+    assert all(rollout.onset is not None and rollout.onset.step == 0 for rollout in found.rollouts)
+    printed = tell("prevent", run, "--reference", "fsm", "--workers", "1").output
+    assert "preventable share" in printed
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("prevent", "--reference", "r157"), "r157"),
+        (("prevent", "--onset-ttc", "-1"), "above 0"),
+        (("severity", "--mass", "ego"), "VEHICLE=KG"),
+        (("severity", "--mass", "nobody=1"), "nobody"),
+    ],
+)
+def test_bad_input_is_told_in_a_sentence(run: Path, words: tuple[str, ...], says: str):
+    answer = tell(words[0], run, *words[1:])
+    assert answer.exit_code == 2
+    assert says in answer.output
+    assert "Traceback" not in answer.output
