@@ -102,6 +102,7 @@ drivers: $(VENV)/.installed-dev
 	OMP_NUM_THREADS=1 $(BIN)/tailroad train drivers --data $(DATA) --out $(WEIGHTS) --seed 1
 	OMP_NUM_THREADS=1 $(BIN)/tailroad train ego-lidar --data $(DATA) --out $(WEIGHTS) --seed 1 --name lidar-paper \
 	  --demonstrator careful --swerving 0 --emergency 0 --scenario i80-paper-10s $(if $(ELSEWHERE),--drivers $(WEIGHTS)/drivers-gail.safetensors)
+	OMP_NUM_THREADS=1 $(BIN)/tailroad train ego-lidar --data $(DATA) --out $(WEIGHTS) --seed 1
 	$(BIN)/tailroad train thresholds --scenario i80-paper-10s --ego lidar-paper --ego idm --rollouts 100000 --splitting 20000 \
 	  --seed 1 --out build/thresholds --card $(WEIGHTS)/drivers-gail.json $(if $(ELSEWHERE),--weights $(WEIGHTS))
 	$(BIN)/tailroad drivers card --weights $(WEIGHTS)/drivers-gail.safetensors --data $(DATA) --out deploy/cards --seed 1

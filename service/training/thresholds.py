@@ -2,6 +2,8 @@
 
     tailroad train thresholds --scenario i80-paper-10s --ego lidar --ego idm --rollouts 100000 --out DIR
 
+f is the scenario's own measure.
+
 The rollouts are those of `tailroad estimate SCENARIO --ego NAME --method naive --seed S`, with the same starts,
 weights and noise, in the same kernels; SUMO, which does not move the vehicles, is left out. Thresholds are order
 statistics of f with the binomial 95% interval, which has no lower end where hardly a rollout is left below. Beside them
@@ -26,20 +28,25 @@ from policies.egos import Observation, ego_weights, load_ego
 from policies.egos.lidar import LidarEgo
 from policies.egos.protocol import EgoPolicy
 from policies.egos.registry import LIDAR
+from service.world.safety.measure import open_monitor
 from service.world.scenario import load_scenario
-from service.world.scenario.base import base_distribution, unpack
+from service.world.scenario.base import base_distribution
 from service.world.scenario.check import check_road
+from service.world.scenario.load import digest
+from service.world.scenario.measures import measure_kind
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
+from service.world.sim.human import traits_of
 from service.world.sim.road import road_of
-from service.world.sim.world import DriverNetwork, World, action_noise
+from service.world.sim.rollout import Draw
+from service.world.sim.world import DriverNetwork, World
 
 PROBABILITIES = (1e-2, 1e-3, 1e-4, 1e-5)
-DEEP = 0.75  # splitting's threshold, as a share of the one at p = 2e-4
+DEEP = 0.75  # splitting's threshold, as a share of the one at p = 2e-4; below 0 the other way round
 
 
 class Rollouts:
-    """The service's rollouts without SUMO: f of (x, noise seed)."""
+    """The service's rollouts without SUMO: f of (x, noise seed), by the scenario's own measure."""
 
     def __init__(self, scenario: Scenario, drivers: DriverModel, ego: EgoPolicy):
         self._scenario, self._ego = scenario, ego
@@ -52,25 +59,32 @@ class Rollouts:
             scenario.ego,
             scenario.time.step_s,
             rays=scenario.safety.rays,
+            traits=traits_of(scenario),
         )
+        self._draw = Draw(scenario)
+        self._monitor = open_monitor(scenario, len(scenario.vehicles))
 
     def f(self, x: np.ndarray, seed: int) -> tuple[float, int]:
         """The safety value of a rollout, and how the ego stood at its end (service.world.sim.step)."""
-        world, ego = self._world, self._ego
-        noise = action_noise(seed, self._scenario.steps, world.vehicles)
-        world.reset(*unpack(self._scenario, x))
+        world, ego, monitor = self._world, self._ego, self._monitor
+        seed, happens = self._draw.begin(world, x, seed)
         ego.reset(seed)
         status, smallest = world.observe()
+        if monitor is not None:
+            monitor.reset()
+            monitor.see(world.agents, world.count, smallest)
         seen = Observation(world.observations[world.ego], 0.0, world.agents[world.ego])
         k = 0
         while status == step.RUNNING and k < self._scenario.steps:
             seen.time_s = k * self._scenario.time.step_s
             a, w = ego.act(seen)
-            world.advance(float(a), float(w), noise[k])
+            world.advance(float(a), float(w), happens[k])
             status, ttc = world.observe()
+            if monitor is not None:
+                monitor.see(world.agents, world.count, ttc)
             smallest = min(smallest, ttc)
             k += 1
-        return smallest, status
+        return (smallest if monitor is None else monitor.value()), status
 
 
 def run(
@@ -119,7 +133,7 @@ def thresholds_of(f: np.ndarray) -> list[dict]:
         )
         interval = [round(float(ordered[low - 1]), 4) if low else None, round(float(ordered[high]), 4)]
         found.append(
-            {"p": p, "gamma_s": round(float(ordered[k - 1]), 4), "interval_95": interval, "events": k, "n": n,
+            {"p": p, "gamma": round(float(ordered[k - 1]), 4), "interval_95": interval, "events": k, "n": n,
              "method": "naive"}
         )  # fmt: skip
     return found
@@ -131,7 +145,7 @@ def deep(estimate: Any, gamma: float) -> dict:
         getattr(estimate.curve(np.array([gamma])), name) for name in ("p", "low", "high")
     )
     return {
-        "gamma_s": round(gamma, 4), "p": float(p), "interval_95": [float(low), float(high)],
+        "gamma": round(gamma, 4), "p": float(p), "interval_95": [float(low), float(high)],
         "n": int(estimate.rollouts), "method": str(estimate.method),
     }  # fmt: skip
 
@@ -166,7 +180,9 @@ def main() -> None:
     drivers = load_drivers(scenario.drivers.weights if own is None else own / "drivers-gail.safetensors")
     base = base_distribution(scenario, drivers)
     result: dict[str, Any] = {
-        "scenario": scenario.name, "drivers": str(drivers.card.get("name", "")), "seed": arguments.seed,
+        "scenario": scenario.name, "measure": scenario.safety.measure,
+        "unit": measure_kind(scenario.safety.measure).unit,
+        "drivers": str(drivers.card.get("name", "")), "seed": arguments.seed,
         "command": f"tailroad train thresholds --scenario {arguments.scenario} "
         + " ".join(f"--ego {name}" for name in arguments.ego)
         + f" --rollouts {arguments.rollouts} --splitting {arguments.splitting} --seed {arguments.seed} --out DIR",
@@ -176,7 +192,7 @@ def main() -> None:
         for name in arguments.ego:
             ego = ego_of(name, own)
             rollouts = Rollouts(scenario, drivers, ego)
-            decisive = drivers.mu0.tobytes() + name.encode()
+            decisive = drivers.mu0.tobytes() + name.encode() + digest(scenario).encode()
             if isinstance(ego, LidarEgo):
                 decisive += bytes([ego.kind])
                 decisive += b"".join(np.ascontiguousarray(part).tobytes() for part in ego.weights)
@@ -189,13 +205,13 @@ def main() -> None:
             estimate, outcomes = run(naive, arguments.seed, rollouts, folder, progress, name)
             found = {
                 "thresholds": thresholds_of(estimate.f),
-                "smallest_f_s": [round(float(v), 4) for v in np.sort(estimate.f)[:10]],
+                "smallest_f": [round(float(v), 4) for v in np.sort(estimate.f)[:10]],
                 "outcomes": {_NAMES[end]: count for end, count in sorted(outcomes.items())},
                 "rollouts": arguments.rollouts,
             }
             if arguments.splitting:
                 highest = float(np.sort(estimate.f)[max(round(2e-4 * arguments.rollouts), 5)])
-                gamma = DEEP * highest
+                gamma = DEEP * highest if highest > 0.0 else highest / DEEP
                 splitting = ce.algorithm(
                     "splitting", base, gamma, ce.SplittingOptions(budget=arguments.splitting)
                 )

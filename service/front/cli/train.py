@@ -1,4 +1,4 @@
-"""`tailroad train drivers|drivers-bc|ego-lidar|ego-vision|thresholds`: needs the `train` extra (torch)."""
+"""`tailroad train drivers|drivers-bc|ego-lidar|ego-vision|thresholds|rates`: needs the `train` extra (torch)."""
 
 import importlib
 import sys
@@ -13,6 +13,7 @@ SCRIPTS = {
     "ego-lidar": "service.training.ego_lidar",
     "ego-vision": "service.training.ego_vision",
     "thresholds": "service.training.thresholds",
+    "rates": "service.training.rates",
 }
 
 
@@ -26,7 +27,7 @@ SCRIPTS = {
 @click.argument("what", metavar="WHAT", type=click.Choice(list(SCRIPTS)))
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def command(what: str, arguments: tuple[str, ...]) -> None:
-    """Train the drivers or an ego, or find the thresholds of rare events in the traffic that they make.
+    """Train the drivers or an ego, or measure in the traffic that they make: thresholds and rates of rare events.
 
     WHAT, in the order in which one rests on the other:
 
@@ -35,6 +36,7 @@ def command(what: str, arguments: tuple[str, ...]) -> None:
     drivers     human drivers by model-based adversarial imitation
     ego-lidar   the ego that sees lidar
     thresholds  the gamma at which p is 1e-2, 1e-3, 1e-4 and 1e-5
+    rates       an ego's contacts per million km, and which of them it ran into
     ego-vision  the ego that sees camera and lidar
 
     `tailroad train WHAT --help` lists the options of each.

@@ -226,6 +226,11 @@ class Simulator:
             self._camera = self._open_camera()
         return self._camera
 
+    @property
+    def world(self) -> World:
+        """Its vehicles, as the last rollout left them."""
+        return self._world
+
     def measured(self) -> np.ndarray | None:
         """The measure at each state of the last rollout, (states,); None for `ttc`, which observers are shown."""
         return None if self._monitor is None else self._monitor.trace()

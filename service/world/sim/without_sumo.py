@@ -132,6 +132,11 @@ class WithoutSumo(Closing):
 
     in_sumo = 0  # rollouts that SUMO has driven
 
+    @property
+    def world(self) -> World:
+        """Its vehicles, as the last rollout left them."""
+        return self._world
+
     def close(self) -> None:
         """Nothing is held."""
 
