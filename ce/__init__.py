@@ -25,7 +25,7 @@ from ce.mixture import MixtureOptions, MixtureSampling
 from ce.naive import Naive, NaiveOptions
 from ce.normal import Normal
 from ce.paired import paired
-from ce.paths import PathEstimate, Process, Simulator
+from ce.paths import PathEstimate, PathOptions, PathSampling, Process, Simulator, estimate_paths
 from ce.product import Product
 from ce.protocol import Algorithm
 from ce.records import Batch, EstimationRecord, TrainingRecord
@@ -74,6 +74,8 @@ __all__ = [
     "Normal",
     "OptionsError",
     "PathEstimate",
+    "PathOptions",
+    "PathSampling",
     "Process",
     "Product",
     "ReplicatedEstimate",
@@ -99,6 +101,7 @@ __all__ = [
     "compare",
     "draw",
     "estimate",
+    "estimate_paths",
     "general_options",
     "paired",
     "paths",

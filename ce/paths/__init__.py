@@ -6,9 +6,14 @@ the event is still likely; starts are kept and paths split by that (`starts`, `t
 equations.
 """
 
+from ce.paths.estimating import estimate_paths
+from ce.paths.network import Net, NetworkCommittor, loaded, saved
 from ce.paths.path_estimate import Cost, PathEstimate
+from ce.paths.path_options import PathOptions
+from ce.paths.path_state import PathBatch, PathState, PathTotals
 from ce.paths.plan import Committor, Plan, schedule
 from ce.paths.process import Process
+from ce.paths.sampling import PathSampling
 from ce.paths.simulator import Simulator
 from ce.paths.starts import Roots, all_starts, kept_starts
 from ce.paths.tree import Driven, drive, joined, replay
@@ -17,15 +22,25 @@ __all__ = [
     "Committor",
     "Cost",
     "Driven",
+    "Net",
+    "NetworkCommittor",
+    "PathBatch",
     "PathEstimate",
+    "PathOptions",
+    "PathSampling",
+    "PathState",
+    "PathTotals",
     "Plan",
     "Process",
     "Roots",
     "Simulator",
     "all_starts",
     "drive",
+    "estimate_paths",
     "joined",
     "kept_starts",
+    "loaded",
     "replay",
+    "saved",
     "schedule",
 ]

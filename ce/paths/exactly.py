@@ -66,7 +66,8 @@ def log_sum_exp(x: Array, axis: int) -> Array:
 
 def rounded(x: Array, bits: int) -> Array:
     """x to the nearest multiple of 2^-bits."""
-    return np.ldexp(np.rint(np.ldexp(x, bits)), -bits)
+    unit = 2.0**bits
+    return np.rint(x * unit) / unit
 
 
 def product(a: Array, b: Array) -> Array:

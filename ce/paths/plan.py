@@ -8,7 +8,7 @@ A committor L_b(state) = P(measure <= b later | state) that is off costs precisi
 beforehand leaves the estimate unbiased.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Protocol
 
 import msgspec
@@ -22,8 +22,10 @@ Array = NDArray[np.float64]
 # Exponents of the importance and populations, by the share of the horizon that has passed.
 BETA_AT, BETA = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25), (0.5, 0.52, 0.55, 0.6, 0.65, 0.7)
 POPULATION_AT, POPULATION = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.6), (2.0, 1.8, 1.5, 1.3, 1.1, 1.0, 0.8)
-# Least I^beta that a state is given, over the mean of I^beta at the start.
+# Least I^beta that a state is given, over the mean of I^beta.
 FLOOR = 0.4
+# Least share of the mean of I^beta at the start that a later one is taken for.
+LEAST_MEAN = 0.02
 # A path is split where its weight is above SPLIT times the target, into at most MOST; it is at stake below ROULETTE.
 SPLIT, ROULETTE, MOST = 1.6, 0.6, 20.0
 
@@ -78,9 +80,13 @@ def schedule(
     candidates: int,
     population: float,
     floor: float = FLOOR,
-    beta: Callable[[Array], Array] | None = None,
+    seen: Sequence[tuple[Array, Array]] = (),
 ) -> Plan:
     """The plan by which `candidates` starts become about `population` paths.
+
+    The floor and c_t go by the mean of I^beta at each checkpoint where paths have been seen there, and by that at
+    the start elsewhere; the means are made to fall along the way and to stay above LEAST_MEAN of the first, as they
+    are noisy.
 
     gamma: the aimed level, in the unit of the measure
     levels: (L,), of the importance, falling
@@ -88,23 +94,38 @@ def schedule(
     checkpoints: steps, 0 first, the horizon last
     candidates: starts that will be drawn in a batch
     population: paths in the middle of the horizon
-    floor: least I^beta over its mean at the start
-    beta: exponent by the share of the horizon passed; None for the usual one
+    floor: least I^beta over its mean
+    seen: for each checkpoint from the second on, log hazard (k, L) of unbiased paths there and their weights (k,),
+        which add
+        up to the share of paths that are still open
     """
     hazard = np.minimum(hazard, 0.0)
     n = float(hazard.shape[0])
     log_means = exactly.log_sum_exp(hazard, axis=0) - exactly.log(n)
-    log_i = exactly.log_sum_exp(hazard - log_means, axis=1) - exactly.log(float(levels.size))
+
+    def importance(of: Array) -> Array:
+        shifted = np.minimum(of, 0.0) - log_means
+        return exactly.log_sum_exp(shifted, axis=1) - exactly.log(float(levels.size))
+
     passed = np.array(checkpoints[:-1]) / checkpoints[-1]
-    exponents = np.interp(passed, BETA_AT, BETA) if beta is None else beta(passed)
-    sizes = population * np.interp(passed, POPULATION_AT, POPULATION)
+    exponents, shares = np.interp(passed, BETA_AT, BETA), np.interp(passed, POPULATION_AT, POPULATION)
+    at_start = importance(hazard)
     log_floor, log_c = np.empty(passed.size), np.empty(passed.size)
-    for k, (b, size) in enumerate(zip(exponents, sizes, strict=True)):
-        powers = exactly.exp(b * log_i)
-        least = floor * float(np.add.reduce(powers)) / n
-        log_floor[k] = exactly.log(least) / b
-        mean = float(np.add.reduce(np.maximum(powers, least))) / n
-        log_c[k] = exactly.log(candidates * mean / size)
+    falling = 1.0
+    for k, (beta, size) in enumerate(zip(exponents, population * shares, strict=True)):
+        powers = exactly.exp(beta * at_start)
+        mean = float(np.add.reduce(powers)) / n
+        least = floor * mean
+        deserved = float(np.add.reduce(np.maximum(powers, least))) / n
+        if 0 < k <= len(seen):
+            here, weights = exactly.exp(beta * importance(seen[k - 1][0])), seen[k - 1][1]
+            share = float(np.add.reduce(weights * here)) / mean
+            falling = min(falling, max(share, LEAST_MEAN))
+            least, top = floor * falling * mean, (1.0 + floor) * falling * mean
+            found = float(np.add.reduce(weights * np.maximum(here, least)))
+            deserved = min(max(found, falling * mean), top)
+        log_floor[k] = exactly.log(least) / beta
+        log_c[k] = exactly.log(candidates * deserved / size)
         if k == 0:
             log_c[k] = _capped(np.maximum(powers, least), float(log_c[k]), size / candidates)
     return Plan(gamma, levels, log_means, exponents, log_floor, log_c)

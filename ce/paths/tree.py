@@ -133,8 +133,7 @@ def drive(
 
 
 def joined(parts: Sequence[Driven]) -> Driven:
-    """What consecutive parts of the roots came to, as one: to the bit what all of them driven together come to, but
-    for the order of the rows of `record`."""
+    """What consecutive parts of the roots came to, as one: to the bit what all of them driven together come to."""
     first = np.cumsum([0] + [part.events.shape[0] for part in parts])
     columns = {
         name: np.concatenate([getattr(part, name) for part in parts])

@@ -11,7 +11,7 @@ PAGE = (ROOT / "docs" / "concepts" / "warnings.md").read_text(encoding="utf-8")
 def raised() -> set[str]:
     """The names of all warnings that `ce` makes, read from its sources."""
     names = set()
-    for source in (ROOT / "ce").glob("*.py"):
+    for source in (ROOT / "ce").rglob("*.py"):
         for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "EstimateWarning":
                 assert isinstance(node.args[0], ast.Constant), source

@@ -1,0 +1,303 @@
+"""The method for paths behind an ask-and-tell interface: a pilot that trains a committor, then independent batches.
+
+    round 0     naive paths; their lowest values give the first levels, their states the first lessons
+    round r     paths kept, split and ended by what was learned, aimed at the lowest level with enough hits
+                -> the estimate once gamma has been reached twice, or the training's share of the budget is spent
+    estimate    batches of one size with everything fixed; no path of the pilot enters
+
+A batch is a pure function of the problem, the plan and its roots: any part of it may be driven elsewhere.
+"""
+
+import functools
+import math
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from ce.checks import checked_problem
+from ce.codec import digest_of, from_bytes, to_bytes
+from ce.errors import ResponseError, StateError
+from ce.paths.levels import ENOUGH_HITS, ladder, reached, to_label
+from ce.paths.network import NetworkCommittor
+from ce.paths.path_estimate import PathEstimate
+from ce.paths.path_options import PathOptions
+from ce.paths.path_state import (
+    POOLED,
+    Ends,
+    PathBatch,
+    PathState,
+    PathTotals,
+    Round,
+    Sample,
+    joined_samples,
+    open_states,
+    pooled,
+    result,
+)
+from ce.paths.plan import Committor, schedule
+from ce.paths.process import Process
+from ce.paths.simulator import checked_checkpoints
+from ce.paths.starts import all_starts, features_of_starts, kept_starts
+from ce.paths.training import lessons, trained, untrained
+from ce.paths.tree import Driven
+from ce.streams import checked_seed, draw
+
+Array = NDArray[np.float64]
+
+# Epochs and rates of the first training and of the later ones.
+FIRST_TRAINING, LATER_TRAINING = (10, 4e-3), (5, 3e-3)
+# Starts by which E0 L_b is known, and the stream of the pilot that has them.
+REFERENCE_STARTS, REFERENCE_STREAM = 20_000, 1_000_000
+# Of them, those by which the levels are chosen that a given committor is asked for.
+LEVELS_BY_STARTS = 4000
+# Paths of a batch of the estimate in the middle of the horizon; more budget makes more batches.
+POPULATION = 400.0
+# Of what the pilot leaves, to be planned for.
+PLANNED = 0.97
+# Naive paths are fewer by this where a committor is given and not trained on.
+SHARE_OF_NAIVE = 4
+# Enough hits, this many times, end the pilot; so do this many rounds that come no lower.
+TWICE, STUCK = 2, 6
+
+
+class PathSampling:
+    """The method for paths as pure functions of a frozen `PathState`.
+
+    process: the simulator
+    gamma: threshold of the event, in the unit of its measure
+    options: of the method
+    committor: fixed beforehand, as an earlier run has trained it; None to train one. It must not know of this run's
+        paths.
+    """
+
+    method = "paths"
+
+    def __init__(
+        self,
+        process: Process[Any],
+        gamma: float,
+        options: PathOptions | None = None,
+        committor: Committor | None = None,
+    ) -> None:
+        self.process, self.options, self.given = process, options or PathOptions(), committor
+        self.base, self.gamma = checked_problem(process.base, gamma)
+        self.checkpoints = checked_checkpoints(process.checkpoints)
+
+    @functools.cached_property
+    def digest(self) -> str:
+        """Of the problem, the options and the committor that was given: a state belongs to one digest."""
+        known = getattr(self.given, "checksum", None if self.given is None else type(self.given).__name__)
+        return digest_of(self.base, self.method, self.gamma, self.checkpoints, self.options, known)
+
+    @property
+    def horizon(self) -> int:
+        """Steps of a whole path."""
+        return self.checkpoints[-1]
+
+    @property
+    def _trains(self) -> bool:
+        return self.given is None or self.options.train_on
+
+    def init(self, seed: int = 0) -> PathState:
+        """The state before any path."""
+        own = self.given if isinstance(self.given, NetworkCommittor) else None
+        if self.options.train_on and own is None:
+            raise StateError(
+                "train_on needs a committor of ce.paths.NetworkCommittor, as a run has trained it"
+            )
+        return PathState(self.digest, checked_seed(seed), committor=own)
+
+    def committor(self, state: PathState) -> Committor | None:
+        """The committor that the state's plan is for."""
+        return self.given if self.given is not None and not self.options.train_on else state.committor
+
+    def propose(self, state: PathState) -> PathBatch | None:
+        """The next paths; None when finished."""
+        if state.phase == "done":
+            return None
+        levels = np.array([self.gamma])
+        if state.plan is None:
+            count = self.options.naive if self._trains else max(self.options.naive // SHARE_OF_NAIVE, 25)
+            roots = all_starts(self.process, state.seed, "train", 0, count)
+            return PathBatch("train", 0, roots, count, levels, True, None, None)
+        phase = "train" if state.phase == "pilot" else "estimate"
+        committor = self.committor(state)
+        assert committor is not None
+        roots = kept_starts(
+            self.process, committor, state.plan, state.seed, phase, state.iteration, state.starts
+        )
+        own = committor if isinstance(committor, NetworkCommittor) else None
+        record = phase == "train"
+        return PathBatch(phase, state.iteration, roots, state.starts, levels, record, state.plan, own)
+
+    def update(self, state: PathState, batch: PathBatch, driven: Driven) -> tuple[PathState, PathTotals]:
+        """The state after its batch was driven, and what came of it."""
+        expected = ("train" if state.phase == "pilot" else "estimate", state.iteration)
+        if state.phase == "done" or (batch.phase, batch.iteration) != expected:
+            raise StateError(
+                f"the batch {(batch.phase, batch.iteration)} does not answer this state, which expects {expected}"
+            )
+        if driven.steps.size != batch.roots.size:
+            raise ResponseError(
+                f"{batch.roots.size} roots were to be driven, the answer has {driven.steps.size}"
+            )
+        answered = self._learned if state.phase == "pilot" else self._estimated
+        return answered(state, batch, driven), result(batch, driven, self.gamma)
+
+    def estimate(self, state: PathState) -> PathEstimate:
+        """The estimate so far; p is NaN during the pilot."""
+        return state.estimate(self.base, self.gamma, self.options.confidence, self.horizon)
+
+    def to_bytes(self, state: PathState) -> bytes:
+        """The state as MessagePack."""
+        return to_bytes(state)
+
+    def from_bytes(self, data: bytes) -> PathState:
+        """The state that `to_bytes` wrote for the same problem, options and committor; StateError otherwise."""
+        return from_bytes(data, PathState, self.digest)
+
+    # -- the pilot -------------------------------------------------------------------------------------------
+
+    def _learned(self, state: PathState, batch: PathBatch, driven: Driven) -> PathState:
+        """The state after a round of the pilot."""
+        made = result(batch, driven, self.gamma)
+        state = msgspec.structs.replace(
+            state,
+            iteration=state.iteration + 1,
+            steps=state.steps + made.steps,
+            begun=state.begun + made.begun,
+            training_steps=state.training_steps + made.steps,
+            training_begun=state.training_begun + made.begun,
+            failed=(*state.failed, *made.failed),
+        )
+        # The naive round's paths tell of nothing that the first aimed round's do not.
+        earlier = state.ends if state.iteration > TWICE else ()
+        now = Ends(driven.value, driven.weight, driven.root, batch.starts, driven.record)
+        ends = (*earlier, now)[-POOLED:]
+        all_ends = pooled(ends)
+        low = reached(all_ends.value, all_ends.root)
+        aim = max(self.gamma, low if batch.plan is None else min(low, state.aim))
+        this = Round(made, state.aim, aim, state.population)
+        state = msgspec.structs.replace(state, ends=ends)
+        if batch.plan is None:
+            state = msgspec.structs.replace(state, naive_f=driven.value, naive_steps=made.steps)
+        state = msgspec.structs.replace(state, aim=aim, rounds=(*state.rounds, this))
+        if self._trains:
+            state = self._trained(state, batch, driven)
+        if not math.isfinite(aim) and self._trains:
+            return self._finished_without(state)
+        levels = ladder(all_ends.value, all_ends.weight, all_ends.starts, aim, self.gamma)
+        if not self._trains:
+            levels = self._levels_by(state)
+        return self._planned(state, levels, self._over(state))
+
+    def _trained(self, state: PathState, batch: PathBatch, driven: Driven) -> PathState:
+        labelled = to_label(driven.value, driven.root, self.gamma)
+        if labelled.size == 0 or not driven.record:
+            return state
+        taught = (*state.lessons, lessons(driven.record, labelled, state.seed + state.iteration))
+        committor, (epochs, rate) = state.committor, LATER_TRAINING
+        if committor is None:
+            (epochs, rate) = FIRST_TRAINING
+            features = np.concatenate([r.features for r in driven.record])
+            committor = untrained(features, self.gamma, float(labelled[0]), state.seed)
+        committor = trained(committor, taught, epochs, rate, state.seed + state.iteration)
+        return msgspec.structs.replace(state, committor=committor, lessons=taught)
+
+    def _over(self, state: PathState) -> bool:
+        """Whether the pilot ends with this round."""
+        o, rounds = self.options, state.rounds
+        if not self._trains:
+            return len(rounds) > 1
+        there = rounds[-1].reached <= self.gamma
+        hits = sum(r.totals.hits for r in rounds)
+        stuck = len(rounds) > STUCK and rounds[-1].reached >= rounds[-STUCK].reached > self.gamma
+        next_round = max((r.totals.steps for r in rounds[1:]), default=0)
+        spent = state.training_steps + next_round > o.training_share * o.budget * self._path_steps(state)
+        common = len(rounds) == 1 and hits >= TWICE * ENOUGH_HITS
+        return (there and hits >= TWICE * ENOUGH_HITS) or stuck or spent or common or len(rounds) > o.rounds
+
+    def _path_steps(self, state: PathState) -> float:
+        return state.naive_steps / max(state.naive_f.size, 1)
+
+    def _levels_by(self, state: PathState) -> Array:
+        """Levels of the importance by a committor that was given: where it holds them for as much more probable."""
+        committor = self.committor(state)
+        assert committor is not None
+        top = reached(state.naive_f, np.arange(state.naive_f.size), 10)
+        if not self.gamma < top < math.inf:
+            return np.array([self.gamma])
+        grid = np.linspace(top, self.gamma, 17)
+        hazard = np.minimum(committor.log_hazard(self._reference(state.seed)[:LEVELS_BY_STARTS], grid), 0.0)
+        p = np.exp(hazard).mean(axis=0)
+        wanted = [int(np.argmin(np.abs(np.log(p) - np.log(p[-1] * ratio)))) for ratio in (40.0, 10.0, 3.0)]
+        return np.append(np.unique(grid[[k for k in wanted if k < grid.size - 1]])[::-1], self.gamma)
+
+    @functools.lru_cache(maxsize=1)  # noqa: B019 (one array; the algorithm outlives it anyway)
+    def _reference(self, seed: int) -> NDArray[np.float32]:
+        """Features of starts drawn from the base, of a stream of their own."""
+        x, seeds = draw(self.base, seed, "train", REFERENCE_STREAM, 0, REFERENCE_STARTS)
+        return features_of_starts(self.process, x, seeds)
+
+    # -- the estimate ----------------------------------------------------------------------------------------
+
+    def _planned(self, state: PathState, levels: Array, final: bool) -> PathState:
+        """The state before the next round, or before the estimate's first batch, as the last rounds' paths tell."""
+        committor = self.committor(state)
+        if committor is None:
+            return self._finished_without(state)
+        population, batches = self.options.population, 0
+        if final:
+            population, batches = self._sizes(state)
+        starts = int(max(population * self.options.starts_a_path, 500))
+        hazard = committor.log_hazard(self._reference(state.seed), levels)
+        deepest = max((len(r.record) for r in state.ends), default=0)
+        seen = []
+        for k in range(1, deepest):
+            features, weights = open_states(state.ends, k, self.gamma)
+            seen.append((committor.log_hazard(features, levels), weights))
+        plan = schedule(
+            self.gamma, levels, hazard, self.checkpoints, starts, population, self.options.floor, seen
+        )
+        state = msgspec.structs.replace(state, plan=plan, starts=starts, population=population)
+        if not final:
+            return state
+        return msgspec.structs.replace(
+            state,
+            phase="estimate" if batches else "done",
+            iteration=0,
+            batches=batches,
+            lessons=(),
+            ends=(),
+        )
+
+    def _sizes(self, state: PathState) -> tuple[float, int]:
+        """Paths of a batch of the estimate, and batches, that what is left of the budget pays for."""
+        whole = self._path_steps(state)
+        left = PLANNED * (self.options.budget * whole - state.steps)
+        sized = [r for r in state.rounds if r.population > 0.0][-2:]
+        steps = sum(r.totals.steps for r in sized) / sum(r.population for r in sized) if sized else whole
+        affordable = left / max(steps, 1.0)
+        least = self.options.batches
+        batches = max(least, int(affordable / POPULATION))
+        return (affordable / batches, batches) if affordable >= least else (1.0, 0)
+
+    def _estimated(self, state: PathState, batch: PathBatch, driven: Driven) -> PathState:
+        """The state after a batch of the estimate."""
+        made = result(batch, driven, self.gamma)
+        over = state.iteration + 1 == state.batches
+        return msgspec.structs.replace(
+            state,
+            iteration=state.iteration + 1,
+            phase="done" if over else state.phase,
+            steps=state.steps + made.steps,
+            begun=state.begun + made.begun,
+            failed=(*state.failed, *made.failed),
+            sample=joined_samples(state.sample, Sample.of(batch, driven), state.iteration),
+        )
+
+    def _finished_without(self, state: PathState) -> PathState:
+        """The state of a run whose pilot came to no level at all."""
+        return msgspec.structs.replace(state, phase="done")

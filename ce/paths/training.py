@@ -1,0 +1,199 @@
+"""Training a committor: Poisson loss on unbiased descendant hit fractions, with the same bits on every processor."""
+
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from ce.paths import exactly, keys
+from ce.paths.network import LEAST, MOST, Net, NetworkCommittor, activation, slope
+from ce.paths.tree import Recorded
+
+Array = NDArray[np.float64]
+
+HIDDEN, NETS = 24, 2
+# Labels are cut there; so is what one row may add to a gradient.
+LARGEST_LABEL, LARGEST_GRADIENT = 2.0, 0.2
+BATCH = 256
+DECAY = 1e-3
+# Rows without a hit that a round leaves to learn from, and levels that each row is labelled at.
+MOST_ROWS, LEVELS_A_ROW = 4000, 2
+
+
+class Lessons(msgspec.Struct, frozen=True, eq=False):
+    """What one round of paths teaches.
+
+    features: (n, m, F)
+    levels: (n, k), in the unit of the measure
+    labels: (n, k), weight of a state's descendants that come to the level, over its own
+    weights: (n, k), of the rows in the loss; 0 where a path had already been at the level
+    """
+
+    features: NDArray[np.float32]
+    levels: Array
+    labels: Array
+    weights: Array
+
+
+def lessons(record: Sequence[Recorded], levels: Array, seed: int) -> Lessons:
+    """What to learn from recorded paths: all states with a hit or at the start, the others thinned and weighted.
+
+    record: one a checkpoint
+    levels: (L,), at which hits are looked for, in the unit of the measure
+    seed: of the thinning and of the levels that a row is labelled at
+    """
+    source = np.random.Generator(np.random.Philox(key=np.array([seed, 0x6C65736E], dtype=np.uint64)))
+    hits = _hits(record, levels)
+    features = np.concatenate([r.features for r in record])
+    before = np.concatenate([r.before for r in record])
+    labels = np.concatenate([h / r.weight[:, None] for h, r in zip(hits, record, strict=True)])
+    valid = ~(before[:, None] <= levels) & ~np.isnan(before)[:, None]
+    first = np.arange(features.shape[0]) < record[0].weight.size
+    sure = first | (labels.max(axis=1) > 0.0)
+    share = np.where(sure, 1.0, min(1.0, MOST_ROWS / max(int(np.count_nonzero(~sure)), 1)))
+    rows = np.flatnonzero((source.random(share.size) < share) & valid.any(axis=1))
+    chosen = source.integers(levels.size, size=(rows.size, LEVELS_A_ROW))
+    return Lessons(
+        features[rows],
+        levels[chosen],
+        np.minimum(np.take_along_axis(labels[rows], chosen, 1), LARGEST_LABEL),
+        np.take_along_axis(valid[rows], chosen, 1) / share[rows, None],
+    )
+
+
+def _hits(record: Sequence[Recorded], levels: Array) -> list[Array]:
+    """Weight (n, L) of the descendants of each state, itself included, that come to each level after it."""
+    out: list[Array] = []
+    for k in range(len(record) - 1, -1, -1):
+        r = record[k]
+        own = np.zeros((r.weight.size, levels.size))
+        if out:
+            np.add.at(own, record[k + 1].parent, out[-1])
+        hit = (r.after[:, None] <= levels) & ~(r.before[:, None] <= levels)
+        out.append(np.where(hit, r.weight[:, None], own))
+    return out[::-1]
+
+
+def untrained(features: NDArray[np.float32], gamma: float, first: float, seed: int) -> NetworkCommittor:
+    """Networks before any training, for features like these (n, m, F).
+
+    gamma: the lowest level that will be asked for
+    first: the highest
+    seed: of the first weights
+    """
+    flat = features.reshape(-1, features.shape[-1]).astype(np.float64)
+    ones = np.ones((1, flat.shape[0]))
+    center = exactly.product(ones, flat)[0] / flat.shape[0]
+    spread = np.sqrt(exactly.product(ones, (flat - center) ** 2)[0] / flat.shape[0])
+    nets = []
+    for k in range(NETS):
+        key = np.array([seed, 0x6E657430 + k], dtype=np.uint64)
+        source = np.random.Generator(np.random.Philox(key=key))
+        width = center.size + 1
+        nets.append(
+            Net(
+                w1=source.standard_normal((width, HIDDEN)) / np.sqrt(width),
+                b1=np.zeros(HIDDEN),
+                w2=source.standard_normal((HIDDEN, HIDDEN)) / np.sqrt(HIDDEN),
+                b2=np.zeros(HIDDEN),
+                w3=0.1 * source.standard_normal((HIDDEN, 1)) / np.sqrt(HIDDEN),
+                b3=np.full(1, -4.0),
+            )
+        )
+    top = first if first > gamma else gamma + max(abs(gamma), 1.0)
+    return NetworkCommittor(center, np.where(spread > 1e-9, spread, 1.0), gamma, top, tuple(nets))
+
+
+def trained(
+    committor: NetworkCommittor, taught: Sequence[Lessons], epochs: int, rate: float, seed: int
+) -> NetworkCommittor:
+    """The committor after some epochs of Adam, its rate falling to nothing as a cosine, on all lessons so far.
+
+    epochs: passes through the lessons
+    rate: of the first step
+    seed: of the order of the rows
+    """
+    features = np.concatenate([t.features for t in taught])
+    row = np.repeat(np.arange(features.shape[0]), taught[0].levels.shape[1])
+    levels, labels, weights = (
+        np.concatenate([getattr(t, name) for t in taught]).ravel() for name in ("levels", "labels", "weights")
+    )
+    used = np.flatnonzero(weights > 0.0)
+    row, levels, labels, weights = row[used], committor.encoded(levels[used]), labels[used], weights[used]
+    weights = weights * (weights.size / float(np.add.reduce(weights)))
+    x = committor.standardised(features)
+    nets = []
+    for k, net in enumerate(committor.nets):
+        number = int(keys.mixed(np.array([seed], dtype=np.uint64), k)[0])
+        nets.append(_fitted(net, x, row, levels, labels, weights, epochs, rate, number))
+    return msgspec.structs.replace(committor, nets=tuple(nets))
+
+
+def _fitted(
+    net: Net,
+    x: Array,
+    row: NDArray[np.int64],
+    levels: Array,
+    labels: Array,
+    weights: Array,
+    epochs: int,
+    rate: float,
+    seed: int,
+) -> Net:
+    source = np.random.Generator(np.random.Philox(key=np.array([seed, 0x6F726472], dtype=np.uint64)))
+    batch = min(BATCH, max(row.size, 1))
+    total = epochs * (row.size // batch)
+    arrays = [a.copy() for a in net.arrays()]
+    mean, square = [np.zeros_like(a) for a in arrays], [np.zeros_like(a) for a in arrays]
+    kept_mean = kept_square = 1.0
+    done = 0
+    for _ in range(epochs):
+        order = source.permutation(row.size)
+        for q in range(row.size // batch):
+            at = order[q * batch : (q + 1) * batch]
+            gradient = _gradient(arrays, x[row[at]], levels[at], labels[at], weights[at])
+            done += 1
+            kept_mean, kept_square = kept_mean * 0.9, kept_square * 0.99
+            speed = rate * _falling(done / total)
+            for j, g in enumerate(gradient):
+                mean[j] = 0.9 * mean[j] + 0.1 * g
+                square[j] = 0.99 * square[j] + 0.01 * g * g
+                move = mean[j] / (1.0 - kept_mean) / (np.sqrt(square[j] / (1.0 - kept_square)) + 1e-7)
+                arrays[j] = arrays[j] - speed * (move + (DECAY * arrays[j] if j % 2 == 0 else 0.0))
+    return Net(*arrays)
+
+
+def _falling(share: float) -> float:
+    """From 1 to 0 like half a cosine, by a polynomial: the same bits everywhere."""
+    return 1.0 - share * share * (3.0 - 2.0 * share)
+
+
+def _gradient(arrays: list[Array], x: Array, levels: Array, labels: Array, weights: Array) -> list[Array]:
+    """Of the mean of weight (hazard - label log hazard) over rows with standardised features x (n, m, F)."""
+    w1, b1, w2, b2, w3, b3 = arrays
+    n, m, width = x.shape
+    flat = np.empty((n * m, width + 1))
+    flat[:, :-1] = x.reshape(n * m, width)
+    flat[:, -1] = np.repeat(levels, m)
+    before1 = exactly.product(flat, w1) + b1
+    hidden1 = activation(before1)
+    before2 = exactly.product(hidden1, w2) + b2
+    hidden2 = activation(before2)
+    each = exactly.exp(np.clip((exactly.product(hidden2, w3) + b3)[:, 0], LEAST, MOST)).reshape(n, m)
+    hazard = np.zeros(n)
+    for j in range(m):
+        hazard = hazard + each[:, j]
+    out = (weights * (1.0 - labels / np.maximum(hazard, 1e-7)) / n)[:, None] * each
+    out = np.clip(out, -LARGEST_GRADIENT, LARGEST_GRADIENT).reshape(-1, 1)
+    ones = np.ones((1, n * m))
+    back2 = out * w3[:, 0] * slope(before2)
+    back1 = exactly.product(back2, w2.T) * slope(before1)
+    return [
+        exactly.product(flat.T, back1),
+        exactly.product(ones, back1)[0],
+        exactly.product(hidden1.T, back2),
+        exactly.product(ones, back2)[0],
+        exactly.product(hidden2.T, out),
+        exactly.product(ones, out)[0],
+    ]
