@@ -139,12 +139,12 @@ def comparison_of(naive: ce.Estimate, other: ce.Estimate) -> dict[str, Any]:
 
 
 def comparisons(jobs: Sequence[Job], estimates: dict[str, ce.Estimate]) -> list[dict[str, Any]]:
-    """Every job of a run against its naive one, where there is one."""
-    naive = estimates.get("naive")
-    if naive is None:
-        return []
+    """Every job of a run against the naive one of its threshold and seed, where there is one."""
+    naive = {(job.gamma, job.seed): estimates[job.id] for job in jobs if job.method == "naive"}
     return [
-        {"method": job.id} | comparison_of(naive, estimates[job.id]) for job in jobs if job.method != "naive"
+        {"method": job.id} | comparison_of(naive[job.gamma, job.seed], estimates[job.id])
+        for job in jobs
+        if job.method != "naive" and (job.gamma, job.seed) in naive
     ]
 
 

@@ -74,9 +74,10 @@ def facts_of(
     compared = comparisons([r.job for r in known], {r.job.id: r.estimate for r in known})
     against_naive = {c["method"]: AgainstNaive(**c) for c in compared}
     gammas = curve_gammas(records)
-    jobs = tuple(_job(r, against_naive.get(r.job.id), gammas) for r in records)
+    apart = {r.job.id: words.apart(r.job, [other.job for other in records]) for r in records}
+    jobs = tuple(_job(r, against_naive.get(r.job.id), gammas, apart[r.job.id]) for r in records)
     first = records[0].job
-    headline = _headline(jobs)
+    headline = _headline([job for job in jobs if job.gamma == first.gamma])
     report = Report(
         made=now.isoformat(timespec="seconds"),
         run=run,
@@ -89,7 +90,7 @@ def facts_of(
         risk=_risk(headline, jobs, first, seen.exposure, baseline),
         learned={r.job.id: seen.learned.get(r.job.id) or starts_learned(r) for r in records},
         failure_modes=_failure_modes(seen.failures),
-        dangerous=tuple(_dangerous(r) for r in seen.rollouts),
+        dangerous=tuple(_dangerous(r, apart[r.record.job.id]) for r in seen.rollouts),
         commands=tuple(words.commands([r.job for r in records])),
         versions=_versions(first.tailroad),
     )
@@ -134,7 +135,7 @@ def _risk(
     return rate_of(headline.p, headline.ci, headline.confidence, exposure, event_of(job), baseline, withheld)
 
 
-def _job(record: JobRecord, against_naive: AgainstNaive | None, gammas: np.ndarray) -> JobFacts:
+def _job(record: JobRecord, against_naive: AgainstNaive | None, gammas: np.ndarray, apart: str) -> JobFacts:
     job, estimate = record.job, record.estimate
     cost = Cost(workers=0)
     cost.add(record.worker_s, record.sim_s, record.in_sumo)
@@ -150,9 +151,9 @@ def _job(record: JobRecord, against_naive: AgainstNaive | None, gammas: np.ndarr
     return JobFacts(
         **summary | parts,
         id=job.id,
-        method_name=words.METHOD_NAMES.get(job.method, job.method),
+        method_name=words.METHOD_NAMES.get(job.method, job.method) + apart,
         method_used=estimate.method,
-        by_method=words.BY_METHOD.get(job.method, job.method),
+        by_method=words.BY_METHOD.get(job.method, job.method) + apart,
         answer=answer,
         answer_interval=interval,
         finished=estimate.finished,
@@ -259,11 +260,11 @@ def _headline(jobs: Sequence[JobFacts]) -> Headline:
 
 
 def _disagreement(jobs: Sequence[JobFacts]) -> str | None:
-    """What to say where two jobs' intervals have nothing in common."""
+    """What to say where two jobs of one threshold have intervals with nothing in common."""
     known = [job for job in jobs if job.rollouts.estimation]
     for i, a in enumerate(known):
         for b in known[i + 1 :]:
-            if a.ci[0] > b.ci[1] or b.ci[0] > a.ci[1]:
+            if a.gamma == b.gamma and (a.ci[0] > b.ci[1] or b.ci[0] > a.ci[1]):
                 return (
                     f"The intervals by {a.by_method} and by {b.by_method} have no value in common. At least "
                     "one of the two estimates is wrong: rely on neither before the cause is found. Naive Monte "
@@ -272,12 +273,12 @@ def _disagreement(jobs: Sequence[JobFacts]) -> str | None:
     return None
 
 
-def _dangerous(rollout: ShownRollout) -> Dangerous:
+def _dangerous(rollout: ShownRollout, apart: str) -> Dangerous:
     failure, trace, job = rollout.failure, rollout.trace, rollout.record.job
     return Dangerous(
         **msgspec.structs.asdict(failure),
         job=job.id,
-        method_name=words.METHOD_NAMES.get(job.method, job.method),
+        method_name=words.METHOD_NAMES.get(job.method, job.method) + apart,
         mode_name=mode_name(failure.mode),
         steps=None if trace is None else trace.rollout.steps,
         worst_at_s=None if trace is None else float(trace.time_s[int(np.argmin(trace.measured))]),

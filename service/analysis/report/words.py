@@ -5,10 +5,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from service.analysis.risk import event_of
-from service.analysis.wording import count, level, one_in, significant
+from service.analysis.wording import count, level, one_in, quantity, significant
 from service.evaluation.job import Job
 from service.evaluation.options import COMMON, FLAGS_OF_CE
 from service.world.scenario import built_in_names, load_scenario
+from service.world.scenario.measures import measure_kind
 
 METHOD_NAMES = {
     "naive": "naive Monte Carlo",
@@ -31,6 +32,17 @@ FLAGS = (*COMMON, *FLAGS_OF_CE)  # options that `tailroad estimate` has a flag f
 
 def road_name(job: Job) -> str:
     return ROAD_NAMES.get(job.scenario.network.road, job.scenario.network.road.rsplit("/", 1)[-1])
+
+
+def apart(job: Job, jobs: Sequence[Job]) -> str:
+    """What a job's name needs beside its method, where the run asks for several thresholds or seeds."""
+    said = []
+    if len({other.gamma for other in jobs}) > 1:
+        unit = measure_kind(job.scenario.safety.measure).unit
+        said.append(f"f ≤ {quantity(job.gamma, unit)}")
+    if len({other.seed for other in jobs}) > 1:
+        said.append(f"seed {job.seed}")
+    return f" ({', '.join(said)})" if said else ""
 
 
 def question(job: Job) -> str:

@@ -18,7 +18,7 @@ from service.front.cli.ego_options import ego_option
 from service.front.cli.main import INTERRUPTED
 from service.front.cli.options import finite, json_option, seed_option, workers_option
 from service.front.cli.progress import Shown, progress_bar, stderr
-from service.front.cli.tables import whole
+from service.front.cli.tables import folded, side_by_side, whole
 
 
 @click.command()
@@ -87,17 +87,19 @@ def _print(found: Comparison) -> None:
     console = Console()
     level = f"{found.confidence:.0%}"
     console.print(f"\np = P0(f <= {quantity(found.gamma, found.unit)})")
-    table = Table("", *[side.name for side in found.sides])
-    rows = [
-        ("scenario, ego", [f"{s.scenario}, {s.ego}" for s in found.sides]),
-        ("method, rollouts", [f"{s.method}, {s.rollouts:,}" for s in found.sides]),
-        ("p", [significant(s.p) for s in found.sides]),
-        (f"{level} interval", [_span(s.ci) for s in found.sides]),
-        ("dangerous rollouts (effective)", [f"{s.events:,} ({significant(s.ess)})" for s in found.sides]),
-    ]
-    for label, values in rows:
-        table.add_row(label, *values)
-    console.print(table)
+    for sides in side_by_side(found.sides, 2):
+        table = Table("", *[whole(folded(side.name)) for side in sides])
+        rows = [
+            ("scenario", [folded(s.scenario) for s in sides]),
+            ("ego", [folded(s.ego) for s in sides]),
+            ("method, rollouts", [f"{s.method}, {s.rollouts:,}" for s in sides]),
+            ("p", [significant(s.p) for s in sides]),
+            (f"{level} interval", [_span(s.ci) for s in sides]),
+            ("dangerous rollouts (effective)", [f"{s.events:,} ({significant(s.ess)})" for s in sides]),
+        ]
+        for label, values in rows:
+            table.add_row(label, *values)
+        console.print(table)
     for pair in found.pairs:
         _print_pair(console, found, pair, level)
     for note in found.notes:
@@ -106,7 +108,8 @@ def _print(found: Comparison) -> None:
 
 def _print_pair(console: Console, found: Comparison, pair: Pair, level: str) -> None:
     a, b, d = found.sides[pair.a], found.sides[pair.b], pair.difference
-    table = Table("", f"{b.name} against {a.name}", whole(f"{level} interval"), "how")
+    console.print(f"\n[bold]{b.name}[/bold] against [bold]{a.name}[/bold]", highlight=False)
+    table = Table("", "", whole(f"{level} interval"), "how")
     table.add_row("difference of p", significant(d.difference), _span(d.difference_ci), HOW[d.how])
     table.add_row(
         "ratio of p", significant(d.ratio), _span(d.ratio_ci), "same draws" if d.paired else "own draws"
@@ -120,7 +123,10 @@ def _print_pair(console: Console, found: Comparison, pair: Pair, level: str) -> 
         )  # fmt: skip
     if pair.modes:
         table = Table(
-            whole("failure mode"), f"p: {a.name}\n{b.name}", whole(f"difference\n{level} interval"), "change"
+            whole("failure mode"),
+            "p of the latter\nof the former",
+            whole(f"difference\n{level} interval"),
+            "change",
         )
         for mode in pair.modes:
             table.add_row(
@@ -134,7 +140,7 @@ def _print_pair(console: Console, found: Comparison, pair: Pair, level: str) -> 
 
 
 def _change(mode: ModeChange) -> str:
-    return "not distinguishable" if mode.change == "unclear" else mode.change
+    return "not clear" if mode.change == "unclear" else mode.change
 
 
 def _span(ci: tuple[float, float | None]) -> str:

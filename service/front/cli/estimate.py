@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ from service.front.cli.options import (
 )
 from service.front.cli.progress import Shown, progress_bar, stderr
 from service.front.cli.question_options import method_options, option_of, scenario_options
-from service.front.cli.tables import whole
+from service.front.cli.tables import side_by_side, whole
 from service.world.scenario.measures import IMPACT
 
 NOT_PRECISE = 3
@@ -147,20 +148,38 @@ def command(
 
 
 def _print(summaries: list[dict[str, Any]], compared: list[dict[str, Any]]) -> None:
+    """Each threshold and seed under its own heading, its methods beside each other; then what to beware of."""
     console = Console()
-    first = summaries[0]
-    console.print(
-        f"\np = P0(f <= {quantity(first['gamma'], first['unit'])}), f the {first['measure']}, "
-        f"scenario {first['scenario']}, ego {first['ego']}, seed {first['seed']}"
-    )
-    table = Table("", *[whole(s.get("job", s["method"])) for s in summaries])
-    against = {c["method"]: c for c in compared}
+    questions: dict[tuple[float, int], list[dict[str, Any]]] = {}
+    for s in summaries:
+        questions.setdefault((s["gamma"], s["seed"]), []).append(s)
+    for asked in questions.values():
+        first = asked[0]
+        console.print(
+            f"\np = P0(f <= {quantity(first['gamma'], first['unit'])}), f the {first['measure']}, "
+            f"scenario {first['scenario']}, ego {first['ego']}, seed {first['seed']}"
+        )
+        for beside in side_by_side(asked, 2):
+            console.print(_table(beside, {c["method"]: c for c in compared}))
+    for s in summaries:
+        if treated := treatment(s["rollouts"]["failed"], s["rollouts"]["total"]):
+            console.print(f"[yellow]{_job(s)}: {treated}[/yellow]", highlight=False)
+        for warning in s["warnings"]:
+            console.print(
+                f"[yellow]{_job(s)}: {warning['name']}[/yellow]: {warning['message']}. Remedy: {warning['remedy']}"
+            )
+
+
+def _table(summaries: Sequence[dict[str, Any]], against: dict[str, dict[str, Any]]) -> Table:
+    """What jobs of one question came to, a column each."""
+    table = Table("", *[whole(_job(s)) for s in summaries])
 
     def row(label: str, values: list[str]) -> None:
         table.add_row(label, *values)
 
     row("p", [_p(s) for s in summaries])
-    row(f"{first['confidence']:.0%} interval", [f"{s['ci'][0]:.3g} to {s['ci'][1]:.3g}" for s in summaries])
+    level = summaries[0]["confidence"]
+    row(f"{level:.0%} interval", [f"{s['ci'][0]:.3g} to {s['ci'][1]:.3g}" for s in summaries])
     row("rollouts", [f"{s['rollouts']['total']:,}" for s in summaries])
     row("  of them training", [f"{s['rollouts']['training']:,}" for s in summaries])
     row("events", [f"{s['events']:,}" for s in summaries])
@@ -169,24 +188,22 @@ def _print(summaries: list[dict[str, Any]], compared: list[dict[str, Any]]) -> N
     row("failed rollouts", [f"{s['rollouts']['failed']:,}" for s in summaries])
     for outcome in dict.fromkeys(e["outcome"] for s in summaries for e in s["endings"]):
         row(f"ended with {outcome}", [_ending(s, outcome) for s in summaries])
-    if compared:
+    if against:
         for label, key in (
             ("ratio of rare events", "ratio_of_rare_events"),
             ("ratio of variances, training left out", "ratio_of_variances"),
             ("efficiency, training counted", "efficiency"),
         ):
-            row(label, [_ratio(against.get(s.get("job", s["method"])), key) for s in summaries])
+            row(label, [_ratio(against.get(_job(s)), key) for s in summaries])
     row("rollouts that SUMO drove", [f"{s['in_sumo']:,}" for s in summaries])
     row("worker time", [f"{s['worker_s']:.0f} s" for s in summaries])
     row("x real time a core", [f"{s['x_realtime_per_core'] or 0.0:.0f}" for s in summaries])
-    console.print(table)
-    for s in summaries:
-        if treated := treatment(s["rollouts"]["failed"], s["rollouts"]["total"]):
-            console.print(f"[yellow]{s.get('job', s['method'])}: {treated}[/yellow]", highlight=False)
-        for warning in s["warnings"]:
-            console.print(
-                f"[yellow]{s['method']}: {warning['name']}[/yellow]: {warning['message']}. Remedy: {warning['remedy']}"
-            )
+    return table
+
+
+def _job(summary: dict[str, Any]) -> str:
+    """The job's id within its run."""
+    return summary.get("job", summary["method"])
 
 
 def _p(summary: dict[str, Any]) -> str:
@@ -201,12 +218,12 @@ def _ending(summary: dict[str, Any], outcome: str) -> str:
     found = next((e for e in summary["endings"] if e["outcome"] == outcome), None)
     if found is None or found["p"] is None:
         return "none"
-    return f"{found['p']:.3g}, {found['ci'][0]:.2g} to {found['ci'][1]:.2g} ({found['rollouts']:,})"
+    return f"{found['p']:.3g}\n{found['ci'][0]:.2g} to {found['ci'][1]:.2g}\n({found['rollouts']:,})"
 
 
 def _ratio(comparison: dict[str, Any] | None, key: str) -> str:
     if comparison is None:
         return "1"
     if key != "ratio_of_rare_events" and not comparison["variance_reliable"]:
-        return "not known: see warnings"
+        return "not known:\nsee warnings"
     return "-" if comparison[key] is None else f"{comparison[key]:.2f}"

@@ -5,8 +5,6 @@ from pathlib import Path
 import click
 import msgspec
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from service.analysis.failures.events import ORDERS, Order
 from service.analysis.failures.examine import EXAMINED
@@ -19,7 +17,7 @@ from service.evaluation.cores import core_count
 from service.front.cli.options import json_option, workers_option
 from service.front.cli.progress import progress_bar
 from service.front.cli.runs import method_option, run_argument
-from service.front.cli.tables import whole
+from service.front.cli.tables import dense
 
 
 @click.command()
@@ -67,17 +65,11 @@ def _print(run: Path, found: Failures) -> None:
     )
     if found.modes:
         level = f"{found.confidence:.0%} interval"
-        table = Table(
-            whole("failure mode"),
-            "events",
-            whole(f"share of p\n{level}"),
-            whole(f"p\n{level}"),
-            "example",
-        )
+        table = dense("failure mode", "events", f"share of p\n{level}", f"p\n{level}", "example")
         for mode in found.modes:
             (share_low, share_high), (low, high) = mode.share_ci, mode.ci
             table.add_row(
-                Text(mode.mode, no_wrap=True),
+                mode.mode,
                 f"{mode.events:,}",
                 f"{mode.share:.1%}\n{share_low:.0%} to {share_high:.0%}",
                 f"{significant(mode.p, 2)}\n{significant(low, 2)} to {significant(high, 2)}",
@@ -89,20 +81,20 @@ def _print(run: Path, found: Failures) -> None:
             if mode.typical:
                 console.print(f"  Typically {mode.typical}.", style="dim", highlight=False)
     if found.failures:
-        table = Table("rank", "f, s", "failure mode", "other", "at, s", "log p0(x)", "weight", "share", "row")
+        table = dense("rank", "f", "failure mode", "other", "at, s", "log\np0(x)", "weight", "share", "row")
         for failure in found.failures:
             table.add_row(
                 str(failure.rank),
                 significant(failure.f),
-                Text(failure.mode, no_wrap=True),
+                failure.mode,
                 failure.other or "-",
                 "-" if failure.motion is None else f"{failure.motion.time_s:.1f}",
                 f"{failure.log_likelihood:.1f}",
-                significant(failure.weight),
+                f"{failure.weight:.3g}",
                 f"{failure.share:.1%}",
                 str(failure.row),
             )
         console.print(table)
-        console.print(f"See one: tailroad replay {run} 1 --video rank1.mp4", highlight=False)
+        click.echo(f"See one: tailroad replay {run} 1 --video rank1.mp4")
     for note in found.notes:
         console.print(f"[yellow]{note}[/yellow]")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -113,6 +114,14 @@ def test_two_jobs_of_one_method_live_in_one_run(scenario, tmp_path):
     by_job = {key[0]: table for key, table in run.to_polars().group_by("job")}
     for name, one in run.estimates.items():
         assert (by_job[name]["f"] <= one.gamma).sum() == one.events
+    page = run.report().read_text(encoding="utf-8")
+    for gamma, seed in ((2, 1), (2, 2), (1, 1), (1, 2)):
+        assert f"naive Monte Carlo (f ≤ {gamma} s, seed {seed})" in page.lower().replace(
+            "monte carlo", "Monte Carlo"
+        )
+    facts = json.loads((tmp_path / "run" / "report.json").read_text())
+    assert facts["disagreement"] is None  # p differs with the threshold, which is none
+    assert {j["gamma"] for j in facts["jobs"] if j["id"] == facts["headline"]["job"]} == {2.0}
     alone = estimate(scenario, tmp_path / "alone", seed=2, budget=20)
     assert run.estimates["naive-2"].p == alone.estimate.p
     again = tailroad.resume(tmp_path / "run")

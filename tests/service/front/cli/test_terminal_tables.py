@@ -6,13 +6,27 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
+import msgspec
 import pytest
 
+from service.analysis.comparison.objects import (
+    Comparison,
+    Curves,
+    Difference,
+    Line,
+    ModeChange,
+    ModeSide,
+    Pair,
+    Side,
+)
 from service.analysis.exposure import Exposure
+from service.analysis.failures.motion import Motion
+from service.analysis.failures.objects import Failure, Failures, Mode
 from service.analysis.risk import rate_of
 from service.evaluation.summary import withheld_for
-from service.front.cli import batch, jobs
+from service.front.cli import batch, compare, estimate, failures, jobs
 from service.front.matrix.verdict import Result
 from service.remote.api.objects import Job
 
@@ -51,6 +65,99 @@ def test_a_list_of_jobs_keeps_its_ids_whole(capsys):
     assert name in told
     assert "123,456" in told
     assert max(map(len, told.splitlines())) <= 80
+
+
+def estimated(job: str, gamma: float = 0.5, seed: int = 1) -> dict:
+    """What a job came to, in numbers as wide as they get."""
+    span = [1.23e-5, 9.87e-5]
+    ending = {"outcome": "collision", "p": 4.56e-5, "ci": span, "rollouts": 12_345}
+    return {"job": job, "method": job.split("-")[0], "gamma": gamma, "unit": "s", "measure": "ttc", "seed": seed,
+            "scenario": "i80-paper-10s", "ego": "lidar-paper", "p": 4.56e-5, "std_error": 1.2e-6, "ci": span,
+            "confidence": 0.95, "variance_reliable": False, "events": 12_345, "ess": 1234.5, "max_weight_share": 0.123,
+            "rollouts": {"total": 200_000, "training": 123_456, "failed": 0}, "endings": [ending], "in_sumo": 2_000,
+            "worker_s": 12_345.0, "x_realtime_per_core": 800.0, "warnings": []}  # fmt: skip
+
+
+def test_estimates_keep_intervals_and_job_ids_whole_and_thresholds_have_their_own_headings(capsys):
+    methods = ("naive", "ce", "mixture", "splitting", "auto")
+    low = [estimated(job, 0.5) for job in methods]
+    high = [estimated(f"{job}-2", 0.7, seed=2) for job in methods]
+    against = {"ratio_of_rare_events": 123.4, "ratio_of_variances": None, "efficiency": None}
+    compared = [{"method": s["job"], "variance_reliable": False} | against for s in (*low[1:], *high[1:])]
+    estimate._print([*low, *high], compared)
+    told = capsys.readouterr().out
+    assert max(map(len, told.splitlines())) <= 80
+    assert "…" not in told
+    first, _, second = told.partition("p = P0(f <= 0.7 s)")
+    assert "p = P0(f <= 0.5 s)" in first
+    assert "seed 2" in second
+    for s in low:
+        assert s["job"] in first
+        assert f"{s['job']}-2" in second
+    for part in (first, second):
+        assert part.count("1.23e-05 to 9.87e-05") == 5  # its interval
+        assert part.count("1.2e-05 to 9.9e-05") == 5  # of its ending
+        assert part.count("123.40") == 4
+
+
+def test_failures_keep_the_names_of_their_modes_whole(capsys):
+    mode = "ego-lane-change-front"
+    motion = Motion(**{f.name: 0.0 for f in msgspec.structs.fields(Motion)} | {"time_s": 12.3, "other": 16})
+    failure = Failure(rank=1000, iteration=0, row=1_234_567, noise_seed="1", f=-12.34, f_again=-12.34,
+                      same_to_the_bit=True, outcome="collision", error=None, log_likelihood=-1524.7,
+                      starts_log_likelihood=0.0, weight=1.23e-5, share=0.987, mode=mode, kind=mode, other="env16",
+                      motion=motion, starts={})  # fmt: skip
+    way = Mode(mode=mode, name="ego changes lanes behind a slower vehicle", typical="so", events=12_345, share=0.987,
+               share_ci=(0.97, 0.99), p=4.56e-4, ci=(1.23e-4, 9.87e-4), agreement=1.0, example=failure)  # fmt: skip
+    found = Failures(job="splitting-2", run="run", scenario="i80-10s", ego="lidar", method="splitting", gamma=0.5,
+                     unit="s", events=12_345, examined=400, confidence=0.95, p=4.56e-4, ci=(1.23e-4, 9.87e-4),
+                     order="likelihood", modes=(way,), failures=(failure,), notes=())  # fmt: skip
+    run = Path("runs/i80-paper-10s-lidar-paper-20261130-204822")
+    failures._print(run, found)
+    told = capsys.readouterr().out.splitlines()
+    assert f"See one: tailroad replay {run} 1 --video rank1.mp4" in told
+    assert max(len(line) for line in told if not line.startswith("See one")) <= 80
+    whole = "\n".join(told)
+    assert "…" not in whole
+    assert whole.count(mode) == 3
+    for word in (
+        "1.2 × 10⁻⁴ to 9.9 × 10⁻⁴",
+        "97% to 99%",
+        "1234567",
+        "env16",
+        "12,345",
+        "1.23e-05",
+        "rank 1000",
+    ):
+        assert word in whole
+
+
+def test_a_comparison_keeps_its_intervals_and_the_names_of_runs_whole(capsys):
+    names = [f"i80-10s-lidar-20261130-20482{n}" for n in range(4)]
+    ci = (1.2e-4, 9.8e-4)
+    sides = tuple(
+        Side(name=name, run=name, scenario="i80-paper-10s", ego="sumo:Krauss", method="splitting", seed=1,
+             rollouts=200_000, events=12_345, ess=1234.5, p=4.56e-4, std_error=1e-5, ci=ci, warnings=())
+        for name in names
+    )  # fmt: skip
+    difference = Difference(difference=-1.23e-4, difference_ci=(-9.8e-4, -1.2e-4), ratio=0.5, ratio_ci=(0.123, None),
+                            paired=True, how="bounds", clear=True)  # fmt: skip
+    side = ModeSide(events=12, p=4.56e-4, ci=ci)
+    mode = "ego-lane-change-front"
+    change = ModeChange(mode=mode, name="", a=side, b=side, difference=difference, change="unclear")
+    pair = Pair(a=0, b=1, difference=difference, draws=None, modes=(change,), summary="so", said="so")
+    line = Line(p=(), low=(), high=())
+    compare._print(Comparison(gamma=0.5, unit="s", confidence=0.95, sides=sides, pairs=(pair,), notes=(),
+                              curves=Curves(gamma=(), sides=(line,) * 4)))  # fmt: skip
+    told = capsys.readouterr().out
+    assert max(map(len, told.splitlines())) <= 80
+    assert told.count("1.2 × 10⁻⁴ to 9.8 × 10⁻⁴") == 4
+    assert told.count("-9.8 × 10⁻⁴ to -1.2 × 10⁻⁴") == 2
+    assert mode in told
+    assert f"{names[1]} against {names[0]}" in told
+    assert "…" not in told
+    for tail in ("204820", "204821", "204822", "204823"):
+        assert tail in told
 
 
 def test_no_rate_is_made_of_an_estimate_that_is_withheld():
