@@ -1,38 +1,23 @@
-"""Signal temporal logic formulas as safety measures, by rtamt: f is the robustness at the start of the rollout.
+"""Signal temporal logic formulas as safety measures: f is the robustness at the start of the rollout.
 
     stl: always(ttc_s >= 1.0)
     stl: always(box_ttc_s < 2 implies eventually[0:1 s](acceleration_mps2 <= -2))
 
-rtamt's own language can import Python modules and has operators whose cost or bits nobody bounds, so a formula is read
-here first, word by word: signals, numbers, the operators below, and intervals within the horizon in whole steps.
+`service.world.safety.formula_language` reads them, `service.world.safety.robustness` works them out.
 """
 
-import difflib
-import re
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from service.errors import InputError
 from service.world import agents as A
 from service.world.safety.boxes import box_time_to_collision, clearance
 from service.world.safety.deceleration import required_deceleration
+from service.world.safety.formula_language import Program, read_formula
+from service.world.safety.robustness import FAR, robustness
 from service.world.safety.rss import BOTH, rss_margin, rss_parameters
 from service.world.scenario.schema import Scenario
 
-LONGEST = 2000  # characters
-DEEPEST = 40  # brackets in each other
-FAR = 1000.0  # a signal that is infinite (no vehicle closing in, no vehicle at all) counts as this much
-TEMPORAL = {"always", "eventually", "until", "historically", "once", "since"}
-PREFIX = {"not", "abs", "sqrt", "always", "eventually", "historically", "once"}
-BINARY = {"and", "or", "implies", "until", "since", "->", ">=", "<=", ">", "<", "+", "-", "*"}
-WORDS = {word for word in PREFIX | BINARY if word.isalpha()}
-TOKEN = re.compile(
-    r"\s*(?:(?P<word>[A-Za-z_]\w*)|(?P<number>\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)|(?P<sign>->|>=|<=|[-+*()><]))"
-)
-TIME = r"(\d+(?:\.\d*)?)\s*(s|ms)?"
-INTERVAL = re.compile(rf"\s*\[\s*{TIME}\s*[:,]\s*{TIME}\s*\]")
 OF_EGO = {
     "speed_mps": A.SPEED_MPS,
     "acceleration_mps2": A.ACCELERATION_MPS2,
@@ -57,9 +42,8 @@ class FormulaMonitor:
     def __init__(self, formula: str, scenario: Scenario):
         step_ms = round(scenario.time.step_s * 1000.0)
         horizon_ms = round(scenario.time.horizon_s * 1000.0)
-        text, names = checked_formula(formula, step_ms, horizon_ms)
-        self._specification = _specification(text, names, step_ms)
-        self._signals = {name: _signal(name, scenario) for name in names}
+        self._program = checked_formula(formula, step_ms, horizon_ms)
+        self._signals = {name: _signal(name, scenario) for name in self._program.signals}
         self._seen: dict[str, list[float]] = {}
         self._robustness: np.ndarray | None = None
 
@@ -77,104 +61,14 @@ class FormulaMonitor:
 
     def trace(self) -> np.ndarray:
         if self._robustness is None:
-            states = len(next(iter(self._seen.values())))
-            found = self._specification.evaluate({"time": list(range(states)), **self._seen})
-            self._robustness = np.array([value for _, value in found], dtype=np.float64)
+            seen = {name: np.array(values, dtype=np.float64) for name, values in self._seen.items()}
+            self._robustness = robustness(self._program, seen)
         return self._robustness
 
 
-def checked_formula(formula: str, step_ms: int, horizon_ms: int) -> tuple[str, list[str]]:
-    """The formula with its intervals in milliseconds, and the signals in it; InputError names what is wrong where."""
-
-    def refuse(what: str, at: int) -> InputError:
-        return InputError(f"formula {formula[:200]!r}: {what} (character {at + 1})")
-
-    if len(formula) > LONGEST:
-        raise InputError(f"a formula of {len(formula)} characters; at most {LONGEST} are taken")
-    made: list[str] = []
-    names: list[str] = []
-    at = depth = 0
-    operand_due = True
-    end = len(formula.rstrip())
-    while at < end:
-        if interval := INTERVAL.match(formula, at):
-            if not made or made[-1] not in TEMPORAL:
-                raise refuse(f"an interval follows one of {', '.join(sorted(TEMPORAL))}", at)
-            text, wrong = _interval(interval, step_ms, horizon_ms)
-            if wrong:
-                raise refuse(wrong, at)
-            made[-1] += text
-            at = interval.end()
-            continue
-        token = TOKEN.match(formula, at)
-        if token is None:
-            given = formula[at:].strip()[:1]
-            raise refuse(f"{given!r} is not part of the language; see service/world/safety/formula.py", at)
-        text = token[0].strip()
-        if token["word"] and text not in WORDS:
-            if text not in SIGNALS:
-                close = difflib.get_close_matches(text, [*SIGNALS, *WORDS], 1)
-                hint = f"did you mean {close[0]!r}? " if close else ""
-                raise refuse(f"no signal {text!r}; {hint}there are {', '.join(SIGNALS)}", at)
-            if text not in names:
-                names.append(text)
-        if operand_due and (text in BINARY - {"-"} or text == ")"):
-            raise refuse(f"a signal, a number or a bracket is due, not {text!r}", at)
-        if not operand_due and not (text in BINARY or text == ")"):
-            raise refuse(f"an operator is due, not {text!r}", at)
-        operand_due = text in BINARY or text in PREFIX or text == "("
-        depth += (text == "(") - (text == ")")
-        if depth < 0:
-            raise refuse("')' closes no bracket", at)
-        if depth > DEEPEST:
-            raise refuse(f"more than {DEEPEST} brackets in each other", at)
-        made.append(text)
-        at = token.end()
-    if operand_due:
-        raise refuse("it ends where a signal, a number or a bracket is due", end)
-    if depth:
-        raise refuse(f"{depth} bracket{'s are' if depth > 1 else ' is'} not closed", end)
-    if not names:
-        raise refuse(f"it has no signal; there are {', '.join(SIGNALS)}", 0)
-    return " ".join(made), names
-
-
-def _interval(found: re.Match[str], step_ms: int, horizon_ms: int) -> tuple[str, str]:
-    """An interval in milliseconds (one without a unit is in seconds), or what is wrong with it."""
-    first, first_unit, last, last_unit = found.groups()
-    low, high = _ms(first, first_unit or last_unit), _ms(last, last_unit)
-    if low <= high <= horizon_ms and low % step_ms == 0 and high % step_ms == 0:
-        return f"[{low:.0f} ms:{high:.0f} ms]", ""
-    return "", (
-        f"the interval {found[0].strip()} must go forward in whole steps of {step_ms} ms, up to the horizon of "
-        f"{horizon_ms} ms"
-    )
-
-
-def _ms(number: str, unit: str | None) -> float:
-    return round(float(number) * (1.0 if unit == "ms" else 1000.0), 6)
-
-
-def _specification(
-    text: str, names: list[str], step_ms: int
-) -> Any:  # a specification of rtamt, which comes without types
-    try:
-        import rtamt
-    except ModuleNotFoundError as error:
-        raise InputError(
-            "formulas need rtamt, which there is for Python 3.11 and 3.12; use one of these, or another measure"
-        ) from error
-
-    specification = rtamt.StlDiscreteTimeOfflineSpecification()
-    for name in names:
-        specification.declare_var(name, "float")
-    specification.set_sampling_period(step_ms, "ms", 0.1)
-    specification.spec = text
-    try:
-        specification.parse()
-    except rtamt.RTAMTException as error:
-        raise InputError(f"formula {text[:200]!r} cannot be read: {error}") from error
-    return specification
+def checked_formula(formula: str, step_ms: int, horizon_ms: int) -> Program:
+    """The formula as a program over SIGNALS; InputError names what is wrong, and at which character."""
+    return read_formula(formula, SIGNALS, step_ms, horizon_ms)
 
 
 def _signal(name: str, scenario: Scenario) -> Signal:

@@ -24,6 +24,7 @@ from service.errors import InputError
 from service.world.safety import encroachment, rss
 from service.world.safety.boxes import box_time_to_collision
 from service.world.safety.deceleration import required_deceleration
+from service.world.safety.formula import FormulaMonitor
 from service.world.safety.impact import time_or_impact
 from service.world.scenario.measures import STL, split_measure
 from service.world.scenario.schema import Scenario
@@ -100,8 +101,6 @@ def open_monitor(scenario: Scenario, rows: int) -> Monitor | None:
     if name == "ttc":
         return None
     if name == STL:
-        from service.world.safety.formula import FormulaMonitor  # its parser takes a moment to import
-
         return FormulaMonitor(formula, scenario)
     if name == "pet":
         return EncroachmentMonitor(scenario.steps, rows, ego, dt_s)

@@ -87,7 +87,7 @@ def test_nested_operators_are_those_of_the_textbook(robustness, speeds, low, mor
     """Maler and Nickovic (2004): min over the window for always, max for eventually, windows cut at the end."""
     n, high = len(speeds), low + more
     outer, inner = (min, max) if first_always else (max, min)
-    pad = math.inf if outer is min else -math.inf
+    pad = FAR if outer is min else -FAR
     expected = []
     for k in range(n):
         inside = [inner(speeds[i : i + 3], default=0.0) - 1.0 for i in range(n)]
@@ -119,6 +119,12 @@ REFUSED = {
     "ttc_s > > 1": "a signal, a number or a bracket is due, not '>'",
     "ttc_s > 1 always(ttc_s > 2)": "an operator is due, not 'always'",
     "always[0:1][0:1](ttc_s > 2)": "an interval follows one of always",
+    "1 < ttc_s < 2": "join comparisons by 'and'",
+    "ttc_s > 1 until ttc_s > 2 until ttc_s > 3": "a bracket around one of the two, 'until' or 'since'",
+    "not (ttc_s) > 1": r"it could mean \(not \(...\)\) > ... or not \(\(...\) > ...\)",
+    "ttc_s - always speed_mps > 1": "put a bracket around what 'always' is said of",
+    "abs lane_offset_m > 1": r"abs takes a bracket, as in abs\(lane_offset_m\)",
+    "ttc_s > 1e999": "the number 1e999 is too large",
 }
 
 
@@ -140,7 +146,7 @@ def test_any_text_is_taken_or_refused_and_nothing_else(make_scenario, text):
         FormulaMonitor(text, make_scenario())
     except InputError:
         return
-    assert checked_formula(text, STEP_MS, HORIZON_MS)[1]
+    assert checked_formula(text, STEP_MS, HORIZON_MS).signals
 
 
 def test_nothing_is_imported_by_a_formula(tmp_path):
