@@ -66,7 +66,7 @@ class VisionWorld:
     """The road, the drivers and the camera of the built-in scenarios."""
 
     def __init__(self, drivers: str, scenarios: tuple[str, str] = SCENARIOS, attentive: bool = True):
-        """scenarios: drives are drawn from, the second one with weather; attentive: whether conflicts are avoided."""
+        """Open the drives of these scenarios, the second one with weather; attentive: whether conflicts are avoided."""
         self.names, self.attentive = scenarios, attentive
         self.scenarios: dict[str, Scenario] = {name: load_scenario(name) for name in scenarios}
         scenario = self.scenarios[scenarios[0]]

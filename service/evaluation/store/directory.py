@@ -44,7 +44,7 @@ class RunDirectory(Closing):
     """An open run directory; one process at a time writes to it."""
 
     def __init__(self, path: Path, jobs: tuple[Job, ...], new: bool = False):
-        """new: make a record that is not there; otherwise StoreError where it is missing or empty."""
+        """Open the record of these jobs; with `new` one is made, else StoreError where it is missing or empty."""
         self.path = path
         self.jobs = jobs
         try:

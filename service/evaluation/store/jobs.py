@@ -108,7 +108,7 @@ class JobStore(Closing):
     """The database of a fleet; any number of readers, one scheduler that writes."""
 
     def __init__(self, url: str, lock_wait_s: float = LOCK_WAIT_S, new: bool = True):
-        """new: make the tables of a database that has none, instead of refusing it."""
+        """Open the database; with `new` the tables of one that has none are made, which is else refused."""
         self._engine = open_engine(url, lock_wait_s, new)
         self.chunks = ChunkRecord(self._engine)
         self.states = StateRecord(self._engine)

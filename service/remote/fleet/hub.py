@@ -90,7 +90,7 @@ class Hub:
         statistics_threads: int = 2,
         on_death: Callable[[], None] = lambda: None,
     ):
-        """on_death: called where the hub's thread ends by an error that nobody foresaw."""
+        """Make a hub that waits for `start`; on_death: called where its thread ends by an error that nobody foresaw."""
         self.store = store
         self.statistics = Statistics(store)
         self._time = Elapsed(clock)

@@ -100,7 +100,10 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Plan(msgspec.Struct, frozen=True, kw_only=True):
-    """gammas: the thresholds at which every run is read."""
+    """A ground truth and the runs that are held against it.
+
+    gammas: the thresholds at which every run is read
+    """
 
     name: str
     scale: str

@@ -21,7 +21,13 @@ from service.studies.reproduce.tables import Table, number
 
 
 class Size(msgspec.Struct, frozen=True):
-    """gammas: thresholds; budget: of each run; examined: rollouts run again for behaviours; films: of each run."""
+    """How much is run and looked at.
+
+    gammas: thresholds of the event
+    budget: rollouts of each run
+    examined: rollouts that are run again for behaviours
+    films: of each run
+    """
 
     gammas: tuple[float, ...]
     budget: int

@@ -21,7 +21,13 @@ PAPER = (10, 300)  # the paper's speed-up over real-world testing, for each of P
 
 
 class Size:
-    """fleets: numbers of workers; each: rollouts for a worker; measured: rollouts that are timed; cores: local ones."""
+    """How much is measured and played.
+
+    fleets: numbers of workers
+    each: rollouts for a worker
+    measured: rollouts that are timed
+    cores: local ones
+    """
 
     def __init__(self, fleets: tuple[int, ...], each: int, measured: int):
         self.fleets, self.each, self.measured = fleets, each, measured
