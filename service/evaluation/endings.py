@@ -24,14 +24,18 @@ def endings_of(estimate: ce.Estimate, chunks: Iterable[tuple[str, int, Chunk]]) 
     codes = outcomes_of(estimate, list(chunks))
     found = []
     for code in np.unique(codes[codes != UNKNOWN]).tolist():
-        mine = codes == code
-        # f of a failed rollout stays unknown, which the upper ends of the others' intervals count
-        values = np.where(mine, -1.0, np.where(np.isnan(estimate.f), math.nan, 1.0))
-        other = replace(estimate, f=values, gamma=0.0, base_f=np.zeros(0), search_warnings=())
-        if isinstance(other, ReplicatedEstimate):
-            other = replace(other, levels=np.zeros(0))
-        found.append(Ending(OUTCOME_NAMES[code], int(mine.sum()), _finite(other.p), other.ci))
+        other = estimate_of(estimate, codes, code)
+        found.append(Ending(OUTCOME_NAMES[code], int((codes == code).sum()), _finite(other.p), other.ci))
     return tuple(found)
+
+
+def estimate_of(estimate: ce.Estimate, codes: np.ndarray, code: int) -> ce.Estimate:
+    """The estimate of the event that a rollout ends with this code, from the same rollouts and weights; codes: (n,), as
+    of `outcomes_of`."""
+    # f of a failed rollout stays unknown, which the upper end of the interval counts
+    values = np.where(codes == code, -1.0, np.where(np.isnan(estimate.f), math.nan, 1.0))
+    other = replace(estimate, f=values, gamma=0.0, base_f=np.zeros(0), search_warnings=())
+    return replace(other, levels=np.zeros(0)) if isinstance(other, ReplicatedEstimate) else other
 
 
 def outcomes_of(estimate: ce.Estimate, chunks: list[tuple[str, int, Chunk]]) -> np.ndarray:

@@ -16,6 +16,7 @@ SECTIONS = {
         "failures": "service.front.cli.failures",
         "prevent": "service.front.cli.prevent",
         "severity": "service.front.cli.severity",
+        "accept": "service.front.cli.accept",
         "replay": "service.front.cli.replay",
         "report": "service.front.cli.report",
         "export": "service.front.cli.export",

@@ -5,6 +5,7 @@ import json
 import click
 import msgspec
 
+from service.analysis.acceptance.objects import Acceptance
 from service.analysis.comparison.objects import Comparison
 from service.analysis.failures.objects import Failure, Failures
 from service.analysis.learned.objects import Learned
@@ -21,6 +22,7 @@ SCHEMAS = {
     "risk": Risk,
     "prevention": Prevention,
     "severity": Severity,
+    "acceptance": Acceptance,
     "report": Report,
 }
 
