@@ -274,8 +274,9 @@ class JobStore(Closing):
 
     # -- workers that were wrong -----------------------------------------------------------------------------
 
-    def quarantine(self, worker: str, why: str) -> list[str]:
+    def quarantine(self, worker: str, why: str, also: Iterable[str] = ()) -> list[str]:
         """Void every chunk of the worker that no other worker has confirmed, and keep its name; the jobs concerned.
+        also: what is refused with it, as "host 192.0.2.7".
 
         Those that were done are running again, by the same transaction: no job is done without its rollouts.
         """
@@ -301,8 +302,8 @@ class JobStore(Closing):
                 if status is not None and msgspec.json.decode(status)["status"] == "done":
                     body = {"status": "running", "reason": taken_up_again(worker)}
                     _add_event(connection, job_id, STATUS, body, now)
-            row = {"worker": worker, "reason": why, "at": now}
-            connection.execute(insert_once(self._engine, quarantine), row)
+            rows = [{"worker": name, "reason": why, "at": now} for name in (worker, *also)]
+            connection.execute(insert_once(self._engine, quarantine), rows)
         return list(found)
 
     def void(

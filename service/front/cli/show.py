@@ -57,5 +57,10 @@ def _p(job: Job, estimate: Estimate) -> str:
         return "withheld: the job has failed"
     if estimate.p is None:
         return "not known"
+    doubt = (
+        "\nDISPUTED: workers disagree on some of its rollouts; a replay on the service's machine settles it"
+        if job.disputed
+        else ""
+    )
     treated = treatment(estimate.rollouts.failed, estimate.rollouts.total)
-    return f"{estimate.p:.3g} ± {estimate.std_error or 0.0:.2g}" + (f"\n{treated}" if treated else "")
+    return f"{estimate.p:.3g} ± {estimate.std_error or 0.0:.2g}" + doubt + (f"\n{treated}" if treated else "")

@@ -59,6 +59,7 @@ class Job(_Body, frozen=True):
     unit: str = ""  # of gamma: that of the scenario's safety measure
     measure: str = ""
     noise_mode: str = ""
+    disputed: bool = False
     max_failed: float = 1.0
 
 

@@ -37,7 +37,7 @@ class Assignment:
         return any(job.phase is Phase.WORKING and job.pending for job in self._state.jobs.values())
 
     def _audit(self, worker: WorkerState, ask: Ask) -> Lease | None:
-        audit = self._auditing.wanted(worker, self._state.jobs)
+        audit = self._auditing.wanted(worker, self._state.jobs, self._workers)
         if audit is None:
             return None
         job = self._state.jobs[audit.key.job]

@@ -59,16 +59,23 @@ class Auditing:
 
     def unclaimed(self) -> bool:
         """Whether there is an audit that nobody runs."""
-        return any(audit.lease is None for audit in self.open.values())
+        return any(audit.lease is None and not audit.disputed for audit in self.open.values())
 
-    def wanted(self, worker: WorkerState, jobs: dict[str, JobState]) -> Audit | None:
-        """An audit for this worker to run."""
+    def wanted(self, worker: WorkerState, jobs: dict[str, JobState], workers: Workers) -> Audit | None:
+        """An audit for this worker to run: of what another identity has answered, where another one is here."""
         for audit in self.open.values():
-            if audit.lease is not None:
+            if audit.lease is not None or audit.disputed:
                 continue
             job = jobs.get(audit.key.job)
-            if job is not None and not job.paused and self._can(worker, audit, job):
-                return audit
+            if job is None or job.paused or not self._can(worker, audit, job):
+                continue
+            said = {workers.identity(name) for name in audit.opinions}
+            if worker.peer.identity in said and any(
+                other.peer.identity not in said and self._can(other, audit, job)
+                for other in workers.here.values()
+            ):
+                continue
+            return audit
         return None
 
     def _can(self, worker: WorkerState, audit: Audit, job: JobState) -> bool:
@@ -85,14 +92,9 @@ class Auditing:
             for audit in self.of(job.id)
         )
 
-    def needs_another(self, job: JobState, workers: Workers) -> bool:
-        """Whether a dispute is open that no worker who is here can decide."""
-        return any(
-            audit.disputed
-            and audit.lease is None
-            and not any(self._can(w, audit, job) for w in workers.here.values())
-            for audit in self.of(job.id)
-        )
+    def disputed(self, job: str) -> bool:
+        """Whether workers disagree on a chunk of the job."""
+        return any(audit.disputed for audit in self.of(job))
 
     def returned(self, held: Held) -> None:
         """A lease of an audit ended without an answer."""

@@ -1,12 +1,9 @@
-"""Audits: a chunk that two workers ran must agree to the bit; where it does not, a third one decides."""
+"""Audits: a chunk that two workers ran must agree to the bit; where it does not, this machine runs it and decides."""
 
 import hashlib
-from collections import Counter
 from dataclasses import dataclass, field
 
 from service.remote.fleet.messages import ChunkKey, Drawn, Explicit
-
-OPINIONS = 3  # that all differ: the rollouts are not reproducible
 
 
 @dataclass
@@ -25,26 +22,11 @@ class Audit:
     opinions: dict[str, bytes] = field(default_factory=dict)
     lease: int | None = None
     losses: int = 0  # leases that ended without an answer
+    settling: bool = False  # this machine runs it
 
     @property
     def disputed(self) -> bool:
         return len(set(self.opinions.values())) > 1
-
-    def verdict(self) -> "Verdict | None":
-        """Who is right and who is wrong; None while that is open."""
-        bits, times = Counter(self.opinions.values()).most_common(1)[0]
-        if times >= 2:
-            right = tuple(w for w, b in self.opinions.items() if b == bits)
-            return Verdict(right, tuple(w for w in self.opinions if w not in right))
-        return Verdict((), ()) if len(self.opinions) >= OPINIONS else None
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Both empty: nobody agrees with anybody."""
-
-    right: tuple[str, ...]
-    wrong: tuple[str, ...]
 
 
 def chosen(key: ChunkKey, share: float, secret: bytes) -> bool:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from service.evaluation.store import Chunk, Origin
 from service.evaluation.store.jobs import AuditRow
 from service.remote.fleet.batch_step import BatchStep, IterationRecord, Replay
-from service.remote.fleet.messages import Answer, Ask, Bye, Failed, Hello, Reply
+from service.remote.fleet.messages import Answer, Ask, Bye, ChunkKey, Drawn, Explicit, Failed, Hello, Reply
+from service.remote.fleet.peers import NOBODY, Peer
 
 # -- events: what has happened -------------------------------------------------------------------------------
 
@@ -78,11 +79,12 @@ class Resumed:
 
 @dataclass(frozen=True)
 class Requested:
-    """A worker's message, to which it waits for a reply; chunk: of an Answer, checked."""
+    """A worker's message, to which it waits for a reply; chunk: of an Answer, checked; peer: whose connection it is."""
 
     request: int
     message: Hello | Ask | Answer | Failed | Bye
     chunk: Chunk | None = None
+    peer: Peer = NOBODY
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,17 @@ class Garbled:
 
     worker: str
     reason: str
+    peer: Peer = NOBODY
+
+
+@dataclass(frozen=True)
+class Settled:
+    """What this machine came to for a chunk that workers disagree on (answer to Settle). bits: of its own replay, None
+    where it cannot be run here, for this reason."""
+
+    key: ChunkKey
+    bits: bytes | None
+    reason: str = ""
 
 
 @dataclass(frozen=True)
@@ -134,7 +147,7 @@ class Tick:
 
 Event = (
     Submitted | Opened | Stepped | Broken | Cancelled | Paused | Resumed | Requested | Garbled | Gone | Recorded
-    | StoreTrouble | StoreWell | Voided | Tick
+    | StoreTrouble | StoreWell | Voided | Settled | Tick
 )  # fmt: skip
 
 # -- instructions: what is to be done ------------------------------------------------------------------------
@@ -158,6 +171,15 @@ class Step:
     job: str
     generation: int
     step: BatchStep
+
+
+@dataclass(frozen=True)
+class Settle:
+    """Run a chunk that workers disagree on on this machine; answer with Settled."""
+
+    key: ChunkKey
+    rows: Drawn | Explicit
+    limit_s: float
 
 
 @dataclass(frozen=True)
@@ -218,10 +240,12 @@ class Confirm:
 
 @dataclass(frozen=True)
 class Quarantine:
-    """Void what the worker did and nobody confirmed; answer with Voided."""
+    """Void what the worker did and nobody confirmed; answer with Voided. also: certificate and host that are refused
+    with it."""
 
     worker: str
     reason: str
+    also: tuple[str, ...] = ()
 
 
-Instruction = Open | Step | Record | Send | SetStatus | Publish | Note | Confirm | Quarantine
+Instruction = Open | Step | Settle | Record | Send | SetStatus | Publish | Note | Confirm | Quarantine

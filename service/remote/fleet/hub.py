@@ -16,31 +16,32 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-import ce
 from service.errors import StoreError, TailroadError
-from service.evaluation.job import held_bytes
 from service.evaluation.store.jobs import OPEN, Event, JobRow, JobStore, taken_up_again
 from service.remote.fleet import events as E
 from service.remote.fleet.answers import chunk_of
+from service.remote.fleet.elapsed import Elapsed
 from service.remote.fleet.messages import (
     Answer,
     BadMessage,
     GetJob,
     JobSpec,
+    Lease,
     Refused,
     Reply,
     decode_request,
     encode,
 )
+from service.remote.fleet.peers import NOBODY, Peer
 from service.remote.fleet.policy import STANDARD, Policy
+from service.remote.fleet.referee import Referee
 from service.remote.fleet.scheduler import Scheduler
 from service.remote.fleet.statistics import Statistics, Stopping
-from service.remote.fleet.stock import take_stock
+from service.remote.fleet.stock import held_bytes_of, take_stock
 from service.remote.fleet.versions import digests, versions
 from service.world.egos.open import REMOTE
 
 TICK_S = 0.25
-LONGEST_STEP_S = 5.0  # between two readings of the clock; more is a jump, or a machine that slept
 RETRY_S = 1.0  # until a database that took nothing is tried again
 GROUP = 512  # events that are taken together
 
@@ -56,28 +57,6 @@ class _Call:
     result: Future
 
 
-class Elapsed:
-    """The hub's time, s: a clock that jumps moves it by LONGEST_STEP_S at most, and never back."""
-
-    def __init__(self, clock: Callable[[], float]):
-        self._clock = clock
-        self._last = clock()
-        self._elapsed = 0.0
-
-    def now(self) -> float:
-        reading = self._clock()
-        self._elapsed += min(max(reading - self._last, 0.0), LONGEST_STEP_S)
-        self._last = reading
-        return self._elapsed
-
-
-def _held_bytes(row: JobRow) -> int:
-    try:
-        return held_bytes(row.job)
-    except (TailroadError, ce.CeError):
-        return 0  # it cannot be opened either, which is told then
-
-
 class Hub:
     """The scheduler at work. Methods may be called from any thread; `listen` functions are called in the hub's."""
 
@@ -89,8 +68,13 @@ class Hub:
         made_of: dict[str, str] | None = None,
         statistics_threads: int = 2,
         on_death: Callable[[], None] = lambda: None,
+        referee: Referee | None = None,
     ):
-        """Make a hub that waits for `start`; on_death: called where its thread ends by an error that nobody foresaw."""
+        """Make a hub that waits for `start`.
+
+        on_death: called where its thread ends by an error that nobody foresaw
+        referee: who settles disputes, in place of a process of this machine
+        """
         self.store = store
         self.statistics = Statistics(store)
         self._time = Elapsed(clock)
@@ -107,6 +91,7 @@ class Hub:
         self._pool = ThreadPoolExecutor(statistics_threads, thread_name_prefix="statistics")
         self._thread = threading.Thread(target=self._run, name="hub")
         self._healing = threading.Thread(target=self._heal, name="healing")
+        self._referee = referee or Referee()
         self._stopping = False
         self._on_death = on_death
         self._dead = False
@@ -129,6 +114,7 @@ class Hub:
         self._thread.join()
         self.statistics.stop()
         self._healing.join()
+        self._referee.close()
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def take_up(self, row: JobRow) -> None:
@@ -137,7 +123,9 @@ class Hub:
         own = not ego.startswith(REMOTE)  # a black box may answer late on one worker and not on another
         paused = row.status == "paused"
         self.post(
-            E.Submitted(row.id, ego, row.priority, row.weight, paused, own, _held_bytes(row), row.max_failed)
+            E.Submitted(
+                row.id, ego, row.priority, row.weight, paused, own, held_bytes_of(row), row.max_failed
+            )
         )
 
     def post(self, event: E.Event) -> None:
@@ -158,8 +146,11 @@ class Hub:
     def gone(self, worker: str) -> None:
         self.post(E.Gone(worker))
 
-    def receive(self, worker: str, kind: str, data: bytes, answer: Callable[[bytes], None]) -> None:
-        """A message of `worker`; `answer` is called once with the reply, at once or later."""
+    def receive(
+        self, worker: str, kind: str, data: bytes, answer: Callable[[bytes], None], peer: Peer = NOBODY
+    ) -> None:
+        """A message of `worker`, over the connection of `peer`; `answer` is called once with the reply, at once or
+        later."""
         try:
             message = decode_request(data)
             if message.worker != worker:
@@ -167,7 +158,7 @@ class Hub:
             chunk = chunk_of(message) if isinstance(message, Answer) else None
         except BadMessage as error:
             log.warning("worker %s, %s: %s", worker, kind, error)
-            self.post(E.Garbled(worker, str(error)))
+            self.post(E.Garbled(worker, str(error), peer))
             answer(encode(Refused(str(error))))
             return
         if isinstance(message, GetJob):
@@ -177,18 +168,21 @@ class Hub:
             self._last_request += 1
             number = self._last_request
             self._requests[number] = answer
-        self.post(E.Requested(number, message, chunk))
+        self.post(E.Requested(number, message, chunk, peer))
 
     def _send_job(self, job: str, answer: Callable[[bytes], None]) -> None:
         reply: Reply
         try:
-            problem = self.statistics.problem(job)
-            reply = JobSpec(job, problem.job, digests(problem))
+            reply = self._spec(job)
         except StoreError as error:
             reply = Refused(str(error), again=True)
         except (TailroadError, ValueError, OSError) as error:
             reply = Refused(str(error))
         answer(encode(reply))
+
+    def _spec(self, job: str) -> JobSpec:
+        problem = self.statistics.problem(job)
+        return JobSpec(job, problem.job, digests(problem))
 
     # -- the thread ------------------------------------------------------------------------------------------
 
@@ -261,6 +255,8 @@ class Hub:
                 self._pool.submit(self._open, instruction)
             case E.Step():
                 self._pool.submit(self._step, instruction)
+            case E.Settle():
+                self._pool.submit(self._settle, instruction)
             case E.Publish(kept=False):
                 self._publish(Event(instruction.job, 0, instruction.kind, instruction.body, ""))
             case _:
@@ -297,6 +293,20 @@ class Hub:
             self.post(E.Broken(job, generation, f"{type(error).__name__}: {error}"))
             return
         self.post(E.Stepped(job, generation, replay))
+
+    def _settle(self, instruction: E.Settle) -> None:
+        key = instruction.key
+        try:
+            found = self._referee.replay(
+                self._spec(key.job), Lease(0, key, instruction.rows, instruction.limit_s)
+            )
+        except (TailroadError, ValueError, OSError) as error:
+            found = str(error)
+        if isinstance(found, str):
+            log.warning("job %s: a dispute cannot be settled here: %s", key.job, found)
+            self.post(E.Settled(key, None, found))
+        else:
+            self.post(E.Settled(key, found.fingerprint()))
 
     def _keep(self, job: str) -> None:
         try:
@@ -373,7 +383,7 @@ class Hub:
 
     def _write_quarantine(self, instruction: E.Quarantine) -> None:
         worker, reason = instruction.worker, instruction.reason
-        jobs = self.store.quarantine(worker, reason)
+        jobs = self.store.quarantine(worker, reason, instruction.also)
         self._written()
         log.warning("worker %s is in quarantine: %s", worker, reason)
         self._handle(E.Voided(worker, tuple(jobs)))

@@ -123,10 +123,5 @@ class JobLifecycle:
         """End a job whose algorithm has finished, unless an audit is open that somebody can run."""
         if job.phase is not Phase.SETTLING or self._state.voiding:
             return
-        if not self._auditing.holds_back(job, self._workers):
-            if not self.fails(job, at_end=True):
-                self.close(job, "done")
-        elif not job.waiting and self._auditing.needs_another(job, self._workers):
-            job.waiting = True
-            reason = "two workers disagree and none of the others is there to decide; start another worker"
-            self._state.do(E.Publish(job.id, "waiting", {"reason": reason}))
+        if not self._auditing.holds_back(job, self._workers) and not self.fails(job, at_end=True):
+            self.close(job, "done")

@@ -80,7 +80,6 @@ class JobState:
     answers: dict[tuple[int, int], tuple[bytes, str]] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)  # workers that cannot run it, and why
     known: set[str] = field(default_factory=set)  # workers of which a chunk was audited
-    waiting: bool = False  # for a worker that decides a dispute, and has said so
     reported_at: float = 0.0  # progress, and how far it was
     reported: int = -1
 

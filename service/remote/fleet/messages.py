@@ -156,13 +156,15 @@ class Refused(_Message, frozen=True, tag="refused"):
 
     again: later the answer may be another
     unknown: say hello first
+    taken: another worker has the name; it may be one that is gone and not missed yet
 
-    Neither: this worker is not wanted.
+    Neither again nor unknown: this worker is not wanted.
     """
 
     reason: str
     again: bool = False
     unknown: bool = False
+    taken: bool = False
 
 
 Request = Hello | Ask | GetJob | Answer | Failed | Bye

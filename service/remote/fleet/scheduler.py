@@ -77,6 +77,10 @@ class Scheduler:
         """Why the database takes nothing, "" where it does."""
         return self._state.trouble
 
+    def disputed(self, job: str) -> bool:
+        """Whether workers disagree on some of the job's rollouts."""
+        return self._state.auditing.disputed(job)
+
     def handle(self, now: float, event: E.Event) -> list[E.Instruction]:
         """What is to be done now that this has happened."""
         self._state.now = max(self._state.now, now)
@@ -105,6 +109,8 @@ class Scheduler:
                 self._leases.store_trouble(event)
             case E.StoreWell():
                 self._leases.store_well()
+            case E.Settled():
+                self._disputes.settled(event)
             case E.Voided():
                 self._disputes.voided(event)
             case E.Tick():

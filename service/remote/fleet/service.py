@@ -28,6 +28,9 @@ from service.world.scenario.measures import measure_kind
 
 MAX_OPEN_JOBS = 1000
 MAX_THRESHOLDS = 1000
+Progress = tuple[
+    int, int, dict[str, str], bool
+]  # of an open job: rollouts, leases, refusals, whether it is disputed
 WITHHELD = {
     "p": None,
     "std_error": None,
@@ -59,6 +62,7 @@ class JobView(msgspec.Struct, frozen=True):
     refusals: dict[str, str] = {}  # workers that cannot run it, and why
     measure: str = ""
     noise_mode: str = ""
+    disputed: bool = False  # workers disagree on some of its rollouts, and it is not settled yet
     max_failed: float = 1.0  # share of failed rollouts that is tolerated
 
 
@@ -261,24 +265,27 @@ class Fleet:
             found = replace(found, gamma=gamma)
         return found
 
-    def _progress(self) -> dict[str, tuple[int, int, dict[str, str]]]:
+    def _progress(self) -> dict[str, Progress]:
         return self._hub.call(_progress).result()
 
-    def _view(self, row: JobRow, progress: dict[str, tuple[int, int, dict[str, str]]]) -> JobView:
-        rollouts, leases, refusals = progress.get(row.id, (None, 0, {}))
+    def _view(self, row: JobRow, progress: dict[str, Progress]) -> JobView:
+        rollouts, leases, refusals, disputed = progress.get(row.id, (None, 0, {}, False))
         job = row.job
         return JobView(row.id, row.number, row.label, job.scenario.name, job.ego, job.gamma,
                        measure_kind(job.scenario.safety.measure).unit, job.method, job.options,
                        job.seed, row.priority, row.weight, row.at, row.status, row.reason, rollouts, leases,
                        refusals, job.scenario.safety.measure, job.scenario.drivers.noise_mode,
-                       row.max_failed)  # fmt: skip
+                       disputed, row.max_failed)  # fmt: skip
 
 
-def _progress(scheduler: Scheduler) -> dict[str, tuple[int, int, dict[str, str]]]:
+def _progress(scheduler: Scheduler) -> dict[str, Progress]:
     leases: dict[str, int] = {}
     for held in scheduler.workers.leases.values():
         leases[held.key.job] = leases.get(held.key.job, 0) + 1
-    return {j.id: (j.rollouts, leases.get(j.id, 0), dict(j.refused)) for j in scheduler.jobs.values()}
+    return {
+        j.id: (j.rollouts, leases.get(j.id, 0), dict(j.refused), scheduler.disputed(j.id))
+        for j in scheduler.jobs.values()
+    }
 
 
 def _doing(scheduler: Scheduler, worker: WorkerState) -> tuple[Doing, ...]:

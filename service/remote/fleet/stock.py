@@ -7,6 +7,9 @@ begun with other software needs a restart: its record is kept, and it goes on by
 import logging
 from collections.abc import Sequence
 
+import ce
+from service.errors import TailroadError
+from service.evaluation.job import held_bytes
 from service.evaluation.software import Software, software
 from service.evaluation.store.beginnings import Beginning
 from service.evaluation.store.jobs import OPEN, JobRow, JobStore
@@ -81,3 +84,11 @@ def _set(store: JobStore, row: JobRow, status: str, reason: str) -> JobRow:
     again = store.job(row.id)
     assert again is not None
     return again
+
+
+def held_bytes_of(row: JobRow) -> int:
+    """Memory that a job takes while it is open, at most."""
+    try:
+        return held_bytes(row.job)
+    except (TailroadError, ce.CeError):
+        return 0  # it cannot be opened either, which is told then

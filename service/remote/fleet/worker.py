@@ -27,6 +27,7 @@ from service.remote.fleet.runner import Runner, RunnerLost
 
 PATIENCE_S = 10.0  # for a reply, beyond what the scheduler holds it back
 GIVE_UP_S = 30.0  # until an answer is dropped that nobody notes, when the worker is to stop
+TAKEN_S = 15.0  # in which a worker of the same name that is gone is missed
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 2.0  # before a question is asked again
 
 
@@ -142,14 +143,16 @@ class Worker:
     def _hello(self, greeted: int) -> bool:
         """Tell the scheduler who is here, unless another slot has since `greeted`; whether it knows."""
         with self._greeting:
-            pause_s, reported = FIRST_PAUSE_S, False
+            pause_s, reported, until = FIRST_PAUSE_S, False, time.monotonic() + TAKEN_S
             while self._greeted == greeted and not self._refusal:
                 reply = self._connection.ask("hello", Hello(self.name, self._capabilities), PATIENCE_S)
                 if isinstance(reply, Welcome):
                     self._hold_s = reply.hold_s
                     self._greeted += 1
                     self._report(f"worker {self.name} is connected, {self._capabilities.procs} processes")
-                elif isinstance(reply, Refused) and not reply.again:
+                elif isinstance(reply, Refused) and (
+                    not reply.again or (reply.taken and time.monotonic() > until)
+                ):
                     self._refuse(reply.reason)
                 elif self._stopping.is_set():
                     return False

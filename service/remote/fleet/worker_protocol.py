@@ -8,6 +8,7 @@ from service.remote.fleet.job_lifecycle import JobLifecycle
 from service.remote.fleet.jobs import Flight, Phase
 from service.remote.fleet.leases import Leases
 from service.remote.fleet.messages import Answer, Ask, Bye, Failed, Hello, Noted, Nothing, Refused, Welcome
+from service.remote.fleet.peers import Peer
 from service.remote.fleet.state import SchedulerState
 from service.remote.fleet.workers import Waiting, WorkerState
 
@@ -31,16 +32,21 @@ class WorkerProtocol:
     def requested(self, event: E.Requested) -> None:
         """A worker's message, for which it wants a reply."""
         request, name = event.request, event.message.worker
-        if name in self._workers.quarantined:
-            why = self._workers.quarantined[name]
-            self._state.send(request, Refused(f"worker {name} is in quarantine: {why}"))
+        if refusal := self._workers.refusal(name, event.peer):
+            self._state.send(request, Refused(refusal))
+            return
+        if self._is_another(name, event.peer):
+            host = self._workers.here[name].capabilities.host
+            where = f", of host {host}" if host else ""
+            text = f"there is a worker named {name} already{where}; give this one another --name"
+            self._state.send(request, Refused(text, again=True, taken=True))
             return
         if name not in self._workers.here and not isinstance(event.message, Hello):
             self._state.send(request, Refused(f"worker {name} has not said hello", unknown=True))
             return
         match event.message:
             case Hello() as message:
-                self._hello(request, message)
+                self._hello(request, message, event.peer)
             case Ask() as message:
                 self._ask(request, message)
             case Answer() as message:
@@ -54,7 +60,12 @@ class WorkerProtocol:
                 self._state.send(request, Noted(False))
                 self._leases.leave(name, lost=0)
 
-    def _hello(self, request: int, message: Hello) -> None:
+    def _is_another(self, name: str, peer: Peer) -> bool:
+        """Whether a worker of that name is here that speaks over another connection."""
+        known = self._workers.here[name].peer if name in self._workers.here else peer
+        return bool(known.session and peer.session) and known.session != peer.session
+
+    def _hello(self, request: int, message: Hello, peer: Peer) -> None:
         theirs = message.capabilities.versions
         for what, ours in self._state.versions.items():
             if theirs.get(what) != ours:
@@ -70,7 +81,7 @@ class WorkerProtocol:
             return
         if message.worker in self._workers.here:  # it was started again
             self._leases.leave(message.worker, lost=1)
-        self._workers.join(WorkerState(message.worker, message.capabilities, self._state.now))
+        self._workers.join(WorkerState(message.worker, message.capabilities, self._state.now, peer))
         self._state.send(request, Welcome(self._policy.hold_s))
 
     def _ask(self, request: int, ask: Ask) -> None:
@@ -139,7 +150,7 @@ class WorkerProtocol:
     def garbled(self, event: E.Garbled) -> None:
         """A message that cannot be read; too many of them, and the worker goes into quarantine."""
         worker = self._workers.here.get(event.worker)
-        if worker is None:
+        if worker is None or self._is_another(event.worker, event.peer):
             return
         worker.garbled += 1
         if worker.garbled >= self._policy.garbled:

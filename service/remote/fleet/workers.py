@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from service.remote.fleet.messages import Ask, Capabilities, ChunkKey
+from service.remote.fleet.peers import NOBODY, Peer
 from service.world.egos.open import REMOTE
 
 
@@ -52,6 +53,7 @@ class WorkerState:
     id: str
     capabilities: Capabilities
     since: float
+    peer: Peer = NOBODY
     leases: set[int] = field(default_factory=set)
     draws_wrong: bool = False  # its random draws are not the scheduler's: it gets the rows themselves
     garbled: int = 0
@@ -65,7 +67,7 @@ class WorkerState:
 
 
 class Workers:
-    """All of them, those in quarantine by name only."""
+    """All of them, those in quarantine by name, certificate and host."""
 
     def __init__(self, quarantined: dict[str, str]):
         self.here: dict[str, WorkerState] = {}
@@ -75,6 +77,18 @@ class Workers:
         self.tally = Tally()
         self.slots = 0  # of all who are here
         self._last_lease = 0
+
+    def refusal(self, name: str, peer: Peer) -> str:
+        """Why a worker is refused for good, "" where it is not: by its name, certificate or host."""
+        for what in (name, *peer.banned):
+            if what in self.quarantined:
+                whom = f"worker {what}" if what == name else what
+                return f"{whom} is in quarantine: {self.quarantined[what]}"
+        return ""
+
+    def identity(self, name: str) -> str:
+        """Whose vote a worker's answers are; one that is not here any more has none that another could confirm."""
+        return self.here[name].peer.identity if name in self.here else ""
 
     def join(self, worker: WorkerState) -> None:
         """One that is not here yet."""

@@ -16,6 +16,7 @@ from service.remote.fleet.messages import (
     decode_reply,
     encode,
 )
+from service.remote.fleet.peers import NOBODY, Peer, peer_of
 from service.remote.fleet.sessions import client_session, router_session
 
 __all__ = ["HubLink", "WorkerConnection", "client_session", "router_session"]
@@ -27,6 +28,8 @@ class WorkerConnection:
     def __init__(self, session: zenoh.Session, worker: str):
         self._session = session
         self._worker = worker
+        # queries say which session they are of, by any entity of it
+        self._source = zenoh.SourceInfo(session.declare_querier(f"{PREFIX}/{worker}/hello").id, 0)
         self._token = session.liveliness().declare_token(f"{PREFIX}/{worker}/alive")
 
     def ask(self, kind: str, message: Request, timeout_s: float) -> Reply | None:
@@ -37,6 +40,7 @@ class WorkerConnection:
                 payload=encode(message),
                 timeout=timeout_s,
                 target=zenoh.QueryTarget.ALL,
+                source_info=self._source,
             )
             for reply in replies:
                 if reply.ok is not None:
@@ -55,6 +59,7 @@ class HubLink:
     def __init__(self, session: zenoh.Session, hub: Hub):
         self._session = session
         self._hub = hub
+        self._peers: dict[str, Peer] = {}
         self._queryable = session.declare_queryable(f"{PREFIX}/*/*", self._on_query)
         self._tokens = session.liveliness().declare_subscriber(
             f"{PREFIX}/*/alive", self._on_token, history=True
@@ -67,7 +72,17 @@ class HubLink:
         if payload is None or len(payload) > MAX_BYTES:
             answer(encode(Refused(f"a message of 1 to {MAX_BYTES} bytes is wanted")))
         else:
-            self._hub.receive(worker, kind, payload.to_bytes(), answer)
+            self._hub.receive(worker, kind, payload.to_bytes(), answer, self._peer(query))
+
+    def _peer(self, query: zenoh.Query) -> Peer:
+        """Whose connection a query came over: of those that this session has, the one that it names."""
+        if query.source_info is None:
+            return NOBODY
+        session = str(query.source_info.source_id.zid)
+        if session not in self._peers:
+            links = self._session.info.links()
+            self._peers = {str(li.zid): peer_of(str(li.zid), li.auth_identifier, str(li.dst)) for li in links}
+        return self._peers.get(session, NOBODY)
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.DELETE:

@@ -235,7 +235,7 @@ def test_wrong_values_are_found_by_an_audit_and_all_of_that_worker_s_chunks_are_
         fleet.wait_status(job_id, "done")
         for worker in honest:
             worker.stop()
-        assert "its values for rows" in wrong.refusal
+        assert "are not those of a replay on the scheduler's machine" in wrong.refusal
         assert_same(fleet, job_id, right)
         assert [w.id for w in fleet.fleet.workers() if w.quarantine] == ["wrong"]
     with JobStore(f"sqlite:///{tmp_path / 'fleet.sqlite'}") as store:

@@ -7,9 +7,10 @@ import pytest
 from service.evaluation.store import FAILED
 from service.remote.fleet import events as E
 from service.remote.fleet.jobs import Phase
-from service.remote.fleet.messages import Failed
+from service.remote.fleet.messages import Ask, Capabilities, Failed, Hello, Reply, Welcome
+from service.remote.fleet.peers import Peer
 from service.remote.fleet.policy import Policy
-from tests.service.remote.fleet.world import ALGORITHMS, World, reference
+from tests.service.remote.fleet.world import ALGORITHMS, VERSIONS, World, reference
 
 
 def assert_right(world: World, job: str = "j") -> None:
@@ -35,7 +36,7 @@ def test_a_wrong_worker_among_three_is_found_and_its_chunks_are_run_again(method
     for i in range(3):
         world.join(f"w{i}", 2)
     world.finish()
-    assert list(world.record.quarantined) == ["bad"]
+    assert list(world.record.quarantined) == ["bad", "host host-of-bad"]
     assert_right(world)
 
 
@@ -74,7 +75,7 @@ def test_rows_that_came_of_a_wrong_value_are_not_taken_for_those_that_replace_th
     settle(world)
     world.join("third", 1)
     serve(world, "third")  # decides
-    assert list(world.record.quarantined) == ["bad"]
+    assert list(world.record.quarantined) == ["bad", "host host-of-bad"]
     while world.statistics.last("j")[1].number == 0:
         serve(world, "third")
     assert world.scheduler.jobs["j"].phase is Phase.WORKING
@@ -137,19 +138,85 @@ def test_jobs_share_by_weight_and_a_higher_priority_goes_first():
     assert world.scheduler.jobs["heavy"].rollouts == before
 
 
-def test_a_dispute_without_a_third_worker_is_waited_for_and_told():
+def test_a_dispute_of_two_is_settled_by_a_replay_on_the_scheduler_s_machine():
     world = World({"j": "naive"}, Policy(first_rows=50, audit_share=1.0))
     world.join("bad", 1, wrong=True)
     world.join("good", 1)
-    settle(world)
-    with pytest.raises(AssertionError, match="do not end"):
-        world.finish(300)
-    assert world.scheduler.jobs["j"].waiting
-    assert not world.record.quarantined
-    world.join("third", 1)
     world.finish()
-    assert list(world.record.quarantined) == ["bad"]
+    assert [name for name in world.record.quarantined if " " not in name] == ["bad"]
     assert_right(world)
+
+
+def test_a_dispute_that_nobody_can_settle_stops_the_job():
+    world = World({"j": "naive"}, Policy(first_rows=50, audit_share=1.0), referee=False)
+    world.join("bad", 1, wrong=True)
+    world.join("good", 1)
+    world.finish()
+    assert world.record.statuses["j"] == "failed"
+    assert not world.record.quarantined
+
+
+@pytest.mark.parametrize("method", ALGORITHMS)
+def test_two_altered_workers_do_not_outvote_an_honest_one(method):
+    """An altered program started twice on one host is wrong twice, and alike."""
+    world = World(
+        {"j": method}, Policy(first_rows=7, audit_share=1.0), hosts={"bad1": "192.0.2.7", "bad2": "192.0.2.7"}
+    )
+    for name in ("bad1", "bad2"):
+        world.join(name, 1, wrong=True)
+    world.join("good", 1)
+    world.finish()
+    assert set(world.record.quarantined) == {"bad1", "bad2", "host 192.0.2.7"}
+    assert_right(world)
+    world.join("new-name", 1)
+    assert world.record.quarantined.keys() == {"bad1", "bad2", "host 192.0.2.7"}
+
+
+def test_a_host_that_was_found_wrong_does_not_come_back_under_another_name():
+    world = World(
+        {"j": "naive"}, Policy(first_rows=50, audit_share=1.0), hosts={"bad": "192.0.2.7", "new": "192.0.2.7"}
+    )
+    world.join("bad", 1, wrong=True)
+    world.join("good", 1)
+    world.finish()
+    world.begin()  # the record is all that is left
+    world.join("new", 1, wrong=True)
+    refused = world.replies[-1]
+    assert "host 192.0.2.7 is in quarantine" in refused.reason
+    assert (refused.again, refused.unknown) == (False, False)
+
+
+def test_what_one_identity_says_twice_is_not_confirmed():
+    world = World(
+        {"j": "naive"}, Policy(first_rows=50, audit_share=1.0), hosts={"a": "192.0.2.7", "b": "192.0.2.7"}
+    )
+    world.join("a", 1)
+    world.join("b", 1)
+    world.finish()
+    assert_right(world)
+    assert not world.record.audits
+
+
+def test_a_name_that_another_connection_has_is_refused_until_that_is_gone():
+    world = World({"j": "naive"})
+    world.join("w", 1)
+    hello = Hello("w", Capabilities(1, ("idm",), False, False, VERSIONS))
+    another = Peer("another", "", "192.0.2.9")
+
+    def say(message) -> Reply:
+        world.last_request += 1
+        world.requests[world.last_request] = None
+        world.tell(E.Requested(world.last_request, message, None, another))
+        return world.replies[-1]
+
+    for message in (hello, Ask("w", 0)):
+        refused = say(message)
+        assert refused.taken
+        assert "there is a worker named w already" in refused.reason
+    world.tell(E.Garbled("w", "not its own", another))
+    assert world.scheduler.workers.here["w"].garbled == 0
+    world.leave("w")
+    assert isinstance(say(hello), Welcome)
 
 
 def test_jobs_beyond_the_memory_wait_for_their_turn_and_a_paused_one_is_passed_over():

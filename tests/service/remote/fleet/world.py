@@ -31,6 +31,7 @@ from service.remote.fleet.messages import (
     Lease,
     Refused,
 )
+from service.remote.fleet.peers import Peer
 from service.remote.fleet.policy import Policy
 from service.remote.fleet.scheduler import Scheduler
 from service.remote.fleet.statistics import Statistics
@@ -101,6 +102,8 @@ class World:
     slots: dict[tuple[str, int], Slot] = field(default_factory=dict)
     answers: list[Answer] = field(default_factory=list)  # on their way
     wrong: set[str] = field(default_factory=set)
+    referee: bool = True  # whether this machine can run a chunk
+    hosts: dict[str, str] = field(default_factory=dict)  # addresses of workers; each its own otherwise
     leased: int = 0
     replies: list = field(default_factory=list)
 
@@ -132,7 +135,7 @@ class World:
         for one in instructions:
             if isinstance(one, E.Send):
                 self._reply(self.requests.pop(one.request), one.reply)
-            elif isinstance(one, E.Open | E.Step):
+            elif isinstance(one, E.Open | E.Step | E.Settle):
                 self.instructions.append(one)
             elif not isinstance(one, E.Publish):
                 self.writes.append(one)
@@ -150,6 +153,12 @@ class World:
     def compute(self, which: int = 0) -> None:
         """Carry out an instruction for the statistics."""
         one = self.instructions.pop(which)
+        if isinstance(one, E.Settle):
+            honest = chunk_of(answer(Lease(0, one.key, one.rows, one.limit_s), "referee"))
+            self.tell(
+                E.Settled(one.key, honest.fingerprint() if self.referee else None, "there is no SUMO here")
+            )
+            return
         if isinstance(one, E.Open):
             if one.job not in self.scheduler.jobs:
                 return
@@ -200,6 +209,7 @@ class World:
             self.record.audits.add(msgspec.structs.astuple(one.audit)[:5])
         elif isinstance(one, E.Quarantine):
             jobs = self.record.quarantine(one.worker, one.reason)
+            self.record.quarantined |= dict.fromkeys(one.also, one.reason)
             self.tell(E.Voided(one.worker, jobs))
             for job in jobs:
                 if self.record.statuses.get(job) == "done":
@@ -211,7 +221,8 @@ class World:
     def say(self, message, slot: Slot | None = None, chunk: Chunk | None = None) -> None:
         self.last_request += 1
         self.requests[self.last_request] = slot
-        self.tell(E.Requested(self.last_request, message, chunk))
+        host = self.hosts.get(message.worker, f"host-of-{message.worker}")
+        self.tell(E.Requested(self.last_request, message, chunk, Peer(message.worker, "", host)))
 
     def join(self, worker: str, procs: int = 1, wrong: bool = False) -> None:
         for number in range(procs):
