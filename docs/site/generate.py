@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import re
 
-from docs.site import architecture, commands, decisions, objects
+from docs.site import architecture, commands, decisions, objects, scenarios
 from docs.site.gather import ROOT
 
 
@@ -22,6 +22,7 @@ def pages() -> dict[str, str]:
             f"# Layers\n\nEach imports only what stands below it.\n\n{architecture.table(layers)}\n"
         ),
         "docs/reference/command-line.md": commands.page(),
+        "docs/reference/scenario-files.md": scenarios.page(),
         "deploy/decisions/README.md": decisions.index(),
         f"{objects.folder().relative_to(ROOT).as_posix()}/README.md": objects.page(),
     }

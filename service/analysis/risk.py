@@ -29,18 +29,37 @@ class Baseline(msgspec.Struct, frozen=True, kw_only=True):
     source: str
 
 
+# An ego's rate is per vehicle, so what it is held against counts vehicles: a crash of two vehicles is two of them.
+CITIES = "of the places and roads of Kusano et al. 2024 (arXiv 2312.12675, Waymo's benchmark)"
 POLICE_REPORTED = Baseline(
-    name="police-reported crashes of human drivers in the USA, 2022",
-    per_million_km=5.93e6 / (3196e9 * KM_PER_MILE) * MILLION,
-    source="NHTSA, DOT HS 813 560: 5.93 million crashes in 3,196 billion vehicle miles",
+    name="human-driven vehicles in police-reported crashes",
+    per_million_km=4.68 / KM_PER_MILE,
+    source=f"4.68 crashed vehicles per million vehicle miles, {CITIES}",
+)
+ANY_INJURY = Baseline(
+    name="human-driven vehicles in crashes with any injury reported",
+    per_million_km=2.80 / KM_PER_MILE,
+    source=f"2.80 crashed vehicles per million vehicle miles, {CITIES}",
+)
+ANY_CRASH = Baseline(
+    name="human-driven vehicles in crashes of any kind in the SHRP 2 study",
+    per_million_km=1549 / (34e6 * KM_PER_MILE) * MILLION,
+    source="SHRP 2 naturalistic driving study: 1,549 crashes of its vehicles, kerb strikes included (Hankey et al. "
+    "2016), in over 34 million vehicle miles (Blanco et al. 2016)",
 )
 NEAR_CRASHES = Baseline(
     name="near-crashes of human drivers in the 100-Car study",
     per_million_km=760 / (2.0e6 * KM_PER_MILE) * MILLION,
-    source="100-Car study (NHTSA, DOT HS 810 593): 760 near-crashes in its public event database (secondary sources "
-    "also give 761) in about 2 million vehicle miles; taken from secondary sources, not from the report itself",
+    source="100-Car study (NHTSA, DOT HS 810 593): 760 near-crashes of its vehicles in its public event database "
+    "(secondary sources also give 761) in about 2 million vehicle miles; taken from secondary sources, not from the "
+    "report itself",
 )
-BASELINES = {"police-reported": POLICE_REPORTED, "near-crash": NEAR_CRASHES}
+BASELINES = {
+    "police-reported": POLICE_REPORTED,
+    "any-injury": ANY_INJURY,
+    "any-crash": ANY_CRASH,
+    "near-crash": NEAR_CRASHES,
+}
 
 
 class Risk(msgspec.Struct, frozen=True, kw_only=True):

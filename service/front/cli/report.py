@@ -12,8 +12,8 @@ from service.front.cli.options import workers_option, zenoh_config_option
 @click.argument("run")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder for the report.  [default: RUN; of a service's "
               "job: report-RUN]")  # fmt: skip
-@click.option("--baseline", help="What the risk is held against: events per million km, or police-reported or "
-              "near-crash.  [default: police-reported]")  # fmt: skip
+@click.option("--baseline", help="What the risk is held against: events per million km, or police-reported, "
+              "any-injury, any-crash or near-crash, each per vehicle.  [default: police-reported]")  # fmt: skip
 @click.option("--baseline-source", help="Where a number given as --baseline is from.")
 @click.option("--connect", multiple=True, help="RUN is a job of the service at this Zenoh endpoint, as in "
               "tcp/127.0.0.1:7447; once for each endpoint.")  # fmt: skip

@@ -120,7 +120,7 @@ class AskLearned(_Request, frozen=True):
 class AskRisk(_Request, frozen=True):
     """Parameters of `jobs/ID/risk`.
 
-    baseline: events per million km, or police-reported or near-crash
+    baseline: events per million km, or police-reported, any-injury, any-crash or near-crash
     source: where a number is from
     """
 

@@ -23,24 +23,30 @@ from policies.drivers import DriverModel
 from policies.jit import kernel
 from policies.network import forward, sample_action
 from policies.realism.driven import Driven, driven_scene
+from service.studies.realism.people import UNNEEDED, advance_people, people
 from service.world import agents as A
+from service.world.scenario.schema import Scenario
 from service.world.sensors.lidar import beam_directions
 from service.world.sim.dynamics import advance
 from service.world.sim.road import Road, scene_road
 from service.world.sim.step import NO_EGO, observe
 
-NETWORK, IDM_MOBIL, CONSTANT = range(3)
+NETWORK, IDM_MOBIL, CONSTANT, HUMAN = range(4)
 BEAMS = beam_directions(layout.BEAMS)
 
 
 @dataclass(frozen=True)
 class Model:
-    """What drives: kind, the network's weights with a distribution of heads, or IDM+MOBIL's PARAMETERS (12,)."""
+    """What drives: kind, the network's weights with a distribution of heads, or IDM+MOBIL's PARAMETERS (12,).
+
+    human: of kind HUMAN, a scenario whose human table stands around the network
+    """
 
     name: str
     kind: int
     drivers: DriverModel | None = None
     values: np.ndarray | None = None
+    human: Scenario | None = None
 
 
 @kernel
@@ -48,13 +54,15 @@ def drive(
     kind: int, agents: np.ndarray, controlled: int, steps: int, w1: np.ndarray, b1: np.ndarray, w2: np.ndarray,
     b2: np.ndarray, head: np.ndarray, action_scale: np.ndarray, p: np.ndarray, last_lane: int,
     action_noise: np.ndarray, chance: np.ndarray, reference: np.ndarray, lanes: np.ndarray, spacing_m: float,
-    beams: np.ndarray, replay: np.ndarray, out: np.ndarray,
+    beams: np.ndarray, replay: np.ndarray, happens: np.ndarray, minds: np.ndarray, traits: np.ndarray,
+    out: np.ndarray,
 ) -> None:  # fmt: skip
     """Drive the first `controlled` rows of `agents` for `steps` of 0.1 s; the rest follow `replay`.
 
     action_noise: (steps, controlled, 2) standard normals
     chance: (steps, controlled, 2) uniforms
-    replay: (steps + 1, rows, 6) x, y, heading, speed, station m, lane; NaN where absent
+    replay: (steps + 1, rows, 7) x, y, heading, speed, station m, lane, acceleration; NaN where absent
+    happens, minds, traits: of HUMAN drivers, see `service.studies.realism.people`
     out: (steps + 1, controlled, 5) station, offset, speed, acceleration, turn rate
     """
     count = agents.shape[0]
@@ -63,6 +71,7 @@ def drive(
     wanted = np.full(controlled, -1, np.int64)
     station, speed, length = np.zeros(count), np.zeros(count), agents[:, A.LENGTH_M].copy()
     lane, present = np.zeros(count, np.int64), np.zeros(count, np.bool_)
+    poses = np.zeros((controlled, 4))
     for t in range(steps + 1):
         for r in range(count - controlled):
             row = agents[controlled + r]
@@ -73,6 +82,7 @@ def drive(
                     row[A.X_M + c] = replay[t, r, c]
                 station[controlled + r] = replay[t, r, 4]
                 lane[controlled + r] = int(replay[t, r, 5])
+                row[A.ACCELERATION_MPS2] = replay[t, r, 6]
         observe(agents, controlled, count, NO_EGO, reference, lanes, spacing_m, beams, beams, seen)
         for i in range(count):
             agent = agents[i]
@@ -84,6 +94,20 @@ def drive(
                     station[i] = agent[A.STATION] * spacing_m + agent[A.ALONG_M]
                 else:  # past the end of the road
                     station[i] += 0.1 * speed[i]
+        if kind == HUMAN and t < steps:
+            for i in range(controlled):
+                out[t, i, 0], out[t, i, 1], out[t, i, 2] = (
+                    station[i],
+                    agents[i, A.OFFSET_M],
+                    agents[i, A.SPEED_MPS],
+                )
+            advance_people(
+                agents, controlled, count, seen, w1, b1, w2, b2, head, action_scale, happens[t], reference, lanes,
+                spacing_m, minds, traits, poses,
+            )  # fmt: skip
+            for i in range(controlled):
+                out[t, i, 3], out[t, i, 4] = agents[i, A.ACCELERATION_MPS2], agents[i, A.TURN_RATE_RADPS]
+            continue
         for i in range(controlled):
             agent = agents[i]
             out[t, i, 0], out[t, i, 1], out[t, i, 2] = station[i], agent[A.OFFSET_M], agent[A.SPEED_MPS]
@@ -152,7 +176,8 @@ def drive_scene(
     everyone = np.concatenate([who, others])
     agents = np.zeros((len(everyone), A.COLUMNS))
     agents[:, A.LENGTH_M], agents[:, A.WIDTH_M] = scene.length_m[everyone], scene.width_m[everyone]
-    state = np.stack([scene.x, scene.y, scene.heading, scene.speed, scene.station, scene.lane], axis=-1)[rows]
+    columns = [scene.x, scene.y, scene.heading, scene.speed, scene.station, scene.lane, scene.accel]
+    state = np.stack(columns, axis=-1)[rows]
     n = len(who)
     agents[:n, A.X_M : A.SPEED_MPS + 1] = state[0, who, :4]
     agents[:n, A.STATION] = np.clip(np.round(state[0, who, 4] / road.spacing_m), 0, len(road.reference) - 1)
@@ -160,11 +185,13 @@ def drive_scene(
     drivers = model.drivers if model.drivers is not None else NOBODY
     weights = (drivers.mu0 if head is None else head).astype(np.float32)
     out = np.zeros((steps + 1, n, 5))
+    happens, minds, traits = people(model.human, steps, n, rng) if model.human is not None else UNNEEDED
     drive(
         model.kind, agents, n, steps, drivers.w1, drivers.b1, drivers.w2, drivers.b2, weights,
         drivers.action_scale, model.values if model.values is not None else np.zeros(len(PARAMETERS)),
         road.lanes.shape[1] - 2, rng.standard_normal((steps, n, 2)), rng.random((steps, n, 2)), road.reference,
-        road.lanes, road.spacing_m, BEAMS, np.ascontiguousarray(state[:, others]), out,
+        road.lanes, road.spacing_m, BEAMS, np.ascontiguousarray(state[:, others]), happens,
+        minds, traits, out,
     )  # fmt: skip
     return driven_scene(scene, first, who, *np.moveaxis(out, -1, 0))
 

@@ -10,12 +10,14 @@ from policies.data.recordings import Recordings, following_events, stacked
 from policies.data.scenes import Scene
 from policies.drivers import DriverModel
 from policies.realism.driven import Driven
-from service.studies.realism.drive import CONSTANT, IDM_MOBIL, NETWORK, Model, drive_scene, road_for
+from service.studies.realism.drive import CONSTANT, HUMAN, IDM_MOBIL, NETWORK, Model, drive_scene, road_for
 from service.studies.realism.evaluate import Runner
 from service.studies.realism.krauss import Krauss
+from service.world.scenario.schema import Scenario
 from sumo_nets.corridor import load_corridor
 
 IDM, KRAUSS, STILL = "idm-mobil", "krauss", "constant-speed"
+PEOPLE = "human"  # the drivers with a scenario's human table around them
 LABELS = {
     IDM: "IDM + MOBIL, fitted",
     KRAUSS: "SUMO's Krauss",
@@ -33,8 +35,16 @@ def fitted(recordings: Recordings) -> Fit:
 
 def network(name: str, drivers: DriverModel, scenes: list[Scene], seed: int) -> Runner:
     """Drivers with xi ~ N(mu0, Sigma0), one draw a rollout."""
+    return _drawn(Model(name, NETWORK, drivers), drivers, scenes, seed)
+
+
+def human(scenario: Scenario, drivers: DriverModel, scenes: list[Scene], seed: int) -> Runner:
+    """As `network`, with the scenario's human table around it."""
+    return _drawn(Model(PEOPLE, HUMAN, drivers, human=scenario), drivers, scenes, seed)
+
+
+def _drawn(model: Model, drivers: DriverModel, scenes: list[Scene], seed: int) -> Runner:
     root = np.linalg.cholesky(drivers.sigma0) if drivers.sigma0.any() else np.zeros_like(drivers.sigma0)
-    model = Model(name, NETWORK, drivers)
 
     def head(rng: np.random.Generator) -> np.ndarray:
         return drivers.mu0 + root @ rng.standard_normal(len(root))

@@ -19,10 +19,12 @@ from policies.data.ngsim_schema import METRES_PER_FOOT
 from policies.jit import kernel
 from policies.network import forward, sample_action
 from policies.realism.statistics import rounded
-from service.studies.realism.drive import BEAMS, NETWORK, NOBODY, Model, idm_mobil_step
+from service.studies.realism.drive import BEAMS, HUMAN, NETWORK, NOBODY, Model, idm_mobil_step
+from service.studies.realism.people import UNNEEDED, advance_people, people
 from service.studies.realism.sumo_traffic import SumoTraffic
 from service.world import agents as A
 from service.world.sim.dynamics import advance
+from service.world.sim.latent import CHANNELS
 from service.world.sim.projection import place
 from service.world.sim.road import Road, road_of
 from service.world.sim.step import NO_EGO, observe
@@ -94,7 +96,8 @@ def stream_step(
     kind: int, agents: np.ndarray, w1: np.ndarray, b1: np.ndarray, w2: np.ndarray, b2: np.ndarray, head: np.ndarray,
     action_scale: np.ndarray, p: np.ndarray, action_noise: np.ndarray, chance: np.ndarray, reference: np.ndarray,
     lanes: np.ndarray, spacing_m: float, beams: np.ndarray, boundary: np.ndarray, boundary_m: float, exit_m: float,
-    wanted: np.ndarray, seen: np.ndarray,
+    wanted: np.ndarray, seen: np.ndarray, happens: np.ndarray, minds: np.ndarray, traits: np.ndarray,
+    poses: np.ndarray,
 ) -> tuple[int, int]:  # fmt: skip
     """One step of 0.1 s of all active rows of `agents`; returns how many are in contact and how many there are."""
     count = agents.shape[0]
@@ -111,6 +114,24 @@ def stream_step(
         if present[i]:
             there += 1
             contacts += 1 if agent[A.COLLISION] != 0.0 else 0
+    if kind == HUMAN:
+        advance_people(
+            agents, count, count, seen, w1, b1, w2, b2, head, action_scale, happens, reference, lanes, spacing_m, minds,
+            traits, poses,
+        )  # fmt: skip
+        for i in range(count):
+            agent = agents[i]
+            if station[i] > boundary_m:
+                limit = boundary[min(lane[i], boundary.shape[0] - 1)]
+                most = max((limit - speed[i]) / 2.0, -3.0)
+                if agent[A.ACCELERATION_MPS2] > most:
+                    agent[A.SPEED_MPS] = max(
+                        agent[A.SPEED_MPS] - 0.1 * (agent[A.ACCELERATION_MPS2] - most), 0.0
+                    )
+                    agent[A.ACCELERATION_MPS2] = most
+            if present[i] and station[i] > exit_m:
+                agent[A.ACTIVE] = 0.0
+        return contacts, there
     for i in range(count):
         agent = agents[i]
         if not present[i]:
@@ -169,9 +190,15 @@ def of_model(
     p = model.values if model.values is not None else np.zeros(len(PARAMETERS))
     waiting = np.zeros(MAIN_LANES)
     entered = contacts = frames = 0
+    steps = round((WARM_UP_S + MEASURED_S) / 0.1)
+    happens, minds, traits, poses = UNNEEDED[0], UNNEEDED[1], UNNEEDED[2], np.zeros((CAPACITY, 4))
+    if model.human is not None:
+        happens, minds, traits = people(model.human, steps, CAPACITY, rng, staying=False)
+    fresh = minds.copy()
+    nothing = np.zeros((0, CHANNELS))
     with SumoTraffic(corridor, 0.1, seed) as traffic:
         counter = Counter(traffic)
-        for t in range(round((WARM_UP_S + MEASURED_S) / 0.1)):
+        for t in range(steps):
             now = min(int(t * 0.1 / BIN_S), len(wanted_flow.flow) - 1)
             waiting += rng.poisson(wanted_flow.flow[now] * 0.1)
             for lane in np.flatnonzero(waiting > 0):
@@ -179,6 +206,7 @@ def of_model(
                 if slot >= 0:
                     waiting[lane] -= 1
                     wanted[slot] = -1
+                    minds[slot : slot + 1] = fresh[slot : slot + 1]
                     entered += 1
                     names[slot] = f"v{entered}"
                     traffic.add(
@@ -188,6 +216,7 @@ def of_model(
                 model.kind, agents, drivers.w1, drivers.b1, drivers.w2, drivers.b2, weights, drivers.action_scale, p,
                 rng.standard_normal((CAPACITY, 2)), rng.random((CAPACITY, 2)), road.reference, road.lanes,
                 road.spacing_m, BEAMS, wanted_flow.boundary[now], BOUNDARY_M, EXIT_M, wanted, seen,
+                happens[t] if model.human is not None else nothing, minds, traits, poses,
             )  # fmt: skip
             _mirror(traffic, agents, names, road.spacing_m)
             traffic.step()

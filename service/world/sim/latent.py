@@ -41,6 +41,7 @@ from service.world.scenario.schema import Scenario
 # of the table: noise, noise, seconds of a glance that begins, 1 = leaks
 ACCELERATION, TURN_RATE, GLANCE, LEAK = range(4)
 CHANNELS = 4
+NOBODY = -1  # in place of the ego's row
 POWER_STEPS = 400  # of the iteration for the modes
 CERTAIN = 1.0 - 1e-12
 SAME_MODE = 1e-9  # a mode this near to what its cause says is left as it is
@@ -261,6 +262,12 @@ class Latent:
         """
         _realise(normals, causes, self._ego, *self._fixed, self._table)
         return self._table
+
+    def realise_all(self, normals: np.ndarray, causes: np.ndarray) -> np.ndarray:
+        """As `realise`, a table of its own for any number of vehicles, all of them drivers."""
+        table = np.zeros(normals.shape)
+        _realise(normals, causes, NOBODY, *self._fixed, table)
+        return table
 
 
 def _leak_below(epsilon: float) -> float:

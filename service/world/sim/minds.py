@@ -15,5 +15,8 @@ SINCE_AWAY_S = 8  # since it last looked off the road; large where it never has
 LONGEST_AWAY_S = 9  # of the glance that is under way or was the last
 LEAKED = 10  # how many glances have begun in a conflict
 RESISTED = 11  # how many have been suppressed in one
-COLUMNS = 12
+GIVEN_UP = (
+    12  # lateral direction (-1 right, 1 left) back from a lane change given up, until in the middle of a lane
+)
+COLUMNS = 13
 NEVER_S = 1e9

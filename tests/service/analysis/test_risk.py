@@ -46,8 +46,13 @@ def test_it_goes_through_json_and_back():
     assert msgspec.convert(json.loads(msgspec.json.encode(risk)), Risk) == risk
 
 
-def test_the_default_baseline_is_nhtsas_rate():
-    assert baseline_of(None).per_million_km * 1.609344 == pytest.approx(5.93e6 / 3196e9 * 1e6)
+def test_baselines_count_vehicles_as_an_ego_s_rate_does():
+    assert baseline_of(None).per_million_km * 1.609344 == pytest.approx(4.68)
+    assert baseline_of("any-injury").per_million_km * 1.609344 == pytest.approx(2.80)
+    assert baseline_of("any-crash").per_million_km == pytest.approx(28.3, abs=0.05)
+    for one in BASELINES.values():
+        assert "vehicle" in one.name or one.name.startswith("near-crashes")
+        assert "million vehicle miles" in one.source
     assert baseline_of("near-crash") == BASELINES["near-crash"]
     assert baseline_of("2.5", "our fleet, 2025").source == "our fleet, 2025"
 

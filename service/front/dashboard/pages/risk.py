@@ -12,7 +12,9 @@ from service.front.dashboard.site import Part, Site
 from service.remote.api.objects import OVER
 
 BASELINES = {
-    "police-reported": "police-reported crashes of human drivers in the USA",
+    "police-reported": "human-driven vehicles in police-reported crashes",
+    "any-injury": "human-driven vehicles in crashes with any injury reported",
+    "any-crash": "human-driven vehicles in crashes of any kind",
     "near-crash": "near-crashes of human drivers in the 100-Car study",
 }
 OWN = "own"
