@@ -146,7 +146,7 @@ def test_wrong_use_is_refused():
         ce.estimate_paths(PROBLEM.process, 0.0, budget=10)
     with pytest.raises(ce.OptionsError, match="checkpoints"):
         ce.Simulator(
-            normal_base(1), lambda x: x, lambda s, z, k: s, lambda s: s[:, 0], 10, checkpoints=[0, 3]
+            normal_base(1), lambda x: x, lambda s, z, k: s, lambda s: s[:, 0], 10, checkpoints=[1, 10]
         )
     with pytest.raises(ce.StateError, match="train_on"):
         ce.PathSampling(PROBLEM.process, 0.0, ce.PathOptions(train_on=True)).init(0)
