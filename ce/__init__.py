@@ -20,6 +20,7 @@ from ce.errors import (
 )
 from ce.estimate_warnings import EstimateWarning
 from ce.further_marginals import TruncatedLogNormal, TwoNormals
+from ce.level import levelled
 from ce.marginals import Exponential, Gumbel, LogNormal, Marginal, TruncatedNormal, Uniform, Weibull
 from ce.mixture import MixtureOptions, MixtureSampling
 from ce.naive import Naive, NaiveOptions
@@ -103,6 +104,7 @@ __all__ = [
     "estimate",
     "estimate_paths",
     "general_options",
+    "levelled",
     "paired",
     "paths",
     "present_options",

@@ -24,7 +24,7 @@ from typing import Any
 import msgspec
 from numpy.typing import ArrayLike
 
-from ce.checks import at_least, precision_in_range
+from ce.checks import at_least, budget_is_an_integer, precision_in_range
 from ce.codec import to_bytes
 from ce.errors import BudgetError, StateError
 from ce.estimate_warnings import FEW_EVENTS, EstimateWarning
@@ -72,7 +72,7 @@ class AutoOptions:
     batch_size: int = 5000
 
     def __post_init__(self) -> None:
-        at_least("budget", self.budget, -(2**62))
+        budget_is_an_integer(self.budget)
         if self.budget < 1:
             raise BudgetError(f"budget must be at least 1 rollout, not {self.budget}")
         at_least("batch_size", self.batch_size, 1)

@@ -9,6 +9,9 @@ from ce.errors import BudgetError, FamilyError, OptionsError, ResponseError, Sta
 from ce.product import Product
 from ce.records import Batch
 
+# Rollouts that a budget may have.
+MOST_ROLLOUTS = 10**12
+
 
 def checked_problem(base: Product, gamma: float) -> tuple[Product, float]:
     """The base as a Product and gamma as a finite float."""
@@ -18,6 +21,8 @@ def checked_problem(base: Product, gamma: float) -> tuple[Product, float]:
         except TypeError:
             raise FamilyError(f"the base must be a ce.Product, not {type(base).__name__}") from None
     try:
+        if isinstance(gamma, str):
+            raise TypeError
         gamma = float(gamma)
     except (TypeError, ValueError):
         raise ThresholdError(f"gamma must be a number, not {gamma!r}") from None
@@ -39,10 +44,22 @@ def at_least(name: str, value: int, least: int) -> None:
 
 
 def budget_of_at_least(least: int, budget: int, method: str) -> None:
-    """BudgetError unless budget is at least that many rollouts; OptionsError unless it is a positive integer."""
-    at_least("budget", budget, 1)
+    """BudgetError unless budget is at least that many rollouts, and not absurd; OptionsError unless it is a positive
+    integer."""
+    budget_is_an_integer(budget)
     if budget < least:
         raise BudgetError(f"method {method} needs a budget of at least {least}, not {budget}")
+
+
+def budget_is_an_integer(budget: int) -> None:
+    """OptionsError unless budget is an integer; BudgetError above MOST_ROLLOUTS."""
+    if isinstance(budget, float | np.floating) and float(budget).is_integer():
+        raise OptionsError(f"budget must be an integer, not {budget!r}; write {int(budget)}")
+    at_least("budget", budget, -(2**62))
+    if budget > MOST_ROLLOUTS:
+        raise BudgetError(
+            f"budget must be at most {MOST_ROLLOUTS:,} rollouts, not {budget}: no run of so many ends"
+        )
 
 
 def precision_in_range(rel_error: float | None, confidence: float) -> None:
@@ -55,10 +72,17 @@ def precision_in_range(rel_error: float | None, confidence: float) -> None:
 def checked_response(batch: Batch, f: ArrayLike) -> NDArray[np.float64]:
     """f as float64 of shape (n,), NaN allowed (a failed rollout), infinities allowed; else ResponseError."""
     n = batch.x.shape[0]
+    if isinstance(f, np.ma.MaskedArray) and np.ma.is_masked(f):
+        raise ResponseError(
+            "f must give a plain array; write NaN for failed rollouts in place of masked entries"
+        )
     try:
-        values = np.asarray(f, dtype=np.float64)
+        given = np.asarray(f)
+        if given.dtype.kind not in "biufO":
+            raise TypeError
+        values = given.astype(np.float64)
     except (TypeError, ValueError):
-        raise ResponseError(f"f must give numbers, one for each of the {n} rows") from None
+        raise ResponseError(f"f must give real numbers, one for each of the {n} rows") from None
     if values.shape != (n,):
         raise ResponseError(f"f must give shape ({n},) for x of shape {batch.x.shape}, not {values.shape}")
     return values.copy()

@@ -24,7 +24,14 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ce.checks import at_least, checked_response, checked_turn, in_range, precision_in_range
+from ce.checks import (
+    at_least,
+    budget_is_an_integer,
+    checked_response,
+    checked_turn,
+    in_range,
+    precision_in_range,
+)
 from ce.errors import BudgetError, OptionsError
 from ce.estimate_warnings import EstimateWarning
 from ce.importance import ImportanceSampling, failed_rows, starved_warning
@@ -102,7 +109,7 @@ class CrossEntropyOptions:
                 "learn_covariance needs mean_box=None: a boxed mean and a free covariance do not separate"
             )
         if self.budget is not None:
-            at_least("budget", self.budget, 1)
+            budget_is_an_integer(self.budget)
             if self.budget < LEAST_BUDGET:
                 raise BudgetError(
                     f"the cross-entropy method needs a budget of at least {LEAST_BUDGET}, not {self.budget}"

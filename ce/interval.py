@@ -105,6 +105,9 @@ def weighted_interval(of: EventSums, confidence: float) -> tuple[Array, Array, A
     n = of.n
     std_error: Array = np.sqrt(_variance(n, of.sums, of.squares))
     low, _ = weighted_gamma(of.p, std_error**2, of.largest / n, confidence)
+    # Weights without any spread: nothing but the number of events is uncertain.
+    counted_low, _ = clopper_pearson(of.counts, n, confidence)
+    low = np.where((std_error == 0.0) & (of.counts > 0), np.minimum(low, counted_low * of.p), low)
     upper_sums, upper_squares = of.sums + of.failed.sum(), of.squares + np.sum(of.failed**2)
     upper_largest = np.maximum(of.largest, np.max(of.failed, initial=0.0))
     # No event at all: what one would weigh is unknown; the largest weight met stands in for it.

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ce.checks import at_least, checked_response, checked_turn, precision_in_range
+from ce.checks import at_least, budget_is_an_integer, checked_response, checked_turn, precision_in_range
 from ce.errors import BudgetError
 from ce.estimator import Estimator
 from ce.product import Product
@@ -38,9 +38,9 @@ class NaiveOptions:
     batch_size: int = 5000
 
     def __post_init__(self) -> None:
-        if isinstance(self.budget, int | np.integer) and self.budget < LEAST_BUDGET:
+        budget_is_an_integer(self.budget)
+        if self.budget < LEAST_BUDGET:
             raise BudgetError(f"budget must be at least {LEAST_BUDGET} rollout, not {self.budget}")
-        at_least("budget", self.budget, LEAST_BUDGET)
         at_least("batch_size", self.batch_size, 1)
         precision_in_range(self.rel_error, self.confidence)
 

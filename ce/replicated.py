@@ -16,17 +16,21 @@ Array = NDArray[np.float64]
 
 # Share of one replication in p above which it is said so.
 DOMINANT_REPLICATION = 0.4
+# p above which an interval holds that of a count, too.
+MOSTLY_EVENTS = 0.9
 
 
 @dataclass(frozen=True)
 class ReplicatedEstimate(Estimate):
-    """An estimate whose p is the mean over R replications, each a set of weighted values of f; otherwise as `Estimate`.
+    """An estimate whose p is the mean over R replications, each a set of weighted values of f; otherwise as
+    `Estimate`.
 
-    std_error is that of the mean of R independent values, but not below what the spread of each level's own probability
-    over the replications adds up to: a few skewed values often look more alike than they are, their factors less so. ci
-    is Student's t on R - 1 degrees of freedom on the logarithm of p (delta method), because replications are skewed;
-    without events, from 0 to what the last level reached leaves open. ess is (p / std_error)^2, the number of events
-    that naive Monte Carlo would need for this precision; max_weight_share the largest replication's share of p.
+    std_error is that of the mean of R independent values, but not below what the spread of each level's own
+    probability over the replications adds up to: a few skewed values often look more alike than they are, their
+    factors less so. ci is Student's t on R - 1 degrees of freedom on the logarithm of p (delta method), because
+    replications are skewed; without events, from 0 to what the last level reached leaves open. ess is (p /
+    std_error)^2, the number of events that naive Monte Carlo would need for this precision; max_weight_share the
+    largest replication's share of p.
 
     f: (n,), values
     log_weights: (n,), their log weights; the weights of a replication sum to one
@@ -70,7 +74,7 @@ class ReplicatedEstimate(Estimate):
     @functools.cached_property
     def warnings(self) -> tuple[EstimateWarning, ...]:
         """As of any estimate, but that one replication may carry more than one rollout may."""
-        usual = tuple(w for w in super().warnings if w.name != "dominant-weight")
+        usual = tuple(self._no_events(w) for w in super().warnings if w.name != "dominant-weight")
         if self.ess >= FEW_EVENTS > self._ess_limit and self.events:
             usual = (
                 *usual,
@@ -93,6 +97,19 @@ class ReplicatedEstimate(Estimate):
             ),
         )
 
+    def _no_events(self, warning: EstimateWarning) -> EstimateWarning:
+        """The warning; where nothing was found, what the interval is instead."""
+        if warning.name != "no-events":
+            return warning
+        reached = self.f[np.isfinite(self.f)].min(initial=math.inf)
+        return EstimateWarning(
+            "no-events",
+            f"no rollout had f <= {self.gamma:g}, the lowest was {reached:.4g}; the interval is an upper bound, no "
+            f"tighter than naive Monte Carlo with {self.rollouts} rollouts has, as nothing tells what the levels "
+            "have missed",
+            warning.remedy,
+        )
+
     def curve(self, gammas: ArrayLike) -> Curve:
         """p, standard error and pointwise interval at each threshold (m,)."""
         gammas = np.atleast_1d(np.asarray(gammas, dtype=np.float64))
@@ -111,6 +128,7 @@ class ReplicatedEstimate(Estimate):
         relative = np.where(some, np.maximum(relative, self._relative_floor(gammas)), 0.0)
         std_error = relative * p
         low, high = p * np.exp(-t * relative), np.minimum(p * np.exp(t * relative), 1.0)
+        low, high = self._with_counts(p, low, high)
         high = np.where(some, high, self._bound())
         failed = self._weights[np.isnan(self.f)].sum() / runs
         ess = np.where(relative > 0, np.where(relative > 0, relative, 1.0) ** -2.0, counts)
@@ -118,7 +136,8 @@ class ReplicatedEstimate(Estimate):
 
     def _relative_floor(self, gammas: Array) -> Array:
         """Relative standard error at each threshold (m,), by the levels down to it: the square root of the sum of
-        var(p_l) / (R mean(p_l)^2), p_l the share of a level's sample below the next, as if levels were independent."""
+        var(p_l) / (R mean(p_l)^2), p_l the share of a level's sample below the next, as if levels were
+        independent."""
         passed = self.levels[self.levels > np.min(gammas, initial=math.inf)]
         out = np.zeros(gammas.size)
         for i, gamma in enumerate(gammas):
@@ -131,15 +150,28 @@ class ReplicatedEstimate(Estimate):
             out[i] = math.sqrt(float(spread.sum()) / self._replications)
         return out
 
+    def _with_counts(self, p: Array, low: Array, high: Array) -> tuple[Array, Array]:
+        """The ends (m,), where most rollouts are events no closer to p than as many independent rollouts would say:
+        there the replications hardly differ, or not at all."""
+        n = self.f.size
+        counted_low, counted_high = clopper_pearson(np.minimum(p, 1.0) * n, n, self._interval_confidence)
+        common = p > MOSTLY_EVENTS
+        return (
+            np.where(common, np.minimum(low, counted_low), low),
+            np.where(common, np.maximum(high, counted_high), high),
+        )
+
     def _bound(self) -> float:
-        """Upper end where nothing was found: of the largest weight there is, none of its tenth part."""
+        """Upper end where nothing was found: of the largest weight there is, none of its tenth part; but no less
+        than naive Monte Carlo with as many rollouts would say, as nothing tells what the levels have missed."""
         if not self.f.size:
             return 1.0
         weights = self._weights
         last = weights == weights.min()
         independent = max(int(np.count_nonzero(last)) // 10, 1)
         _, high = clopper_pearson(0, independent, self._interval_confidence)
-        return float(min(1.0, high * weights[last].sum() / self._replications * 2.0))
+        _, naive = clopper_pearson(0, self.rollouts, self._interval_confidence)
+        return float(max(min(1.0, high * weights[last].sum() / self._replications * 2.0), naive))
 
     def trace(self, points: int = 100) -> Trace:
         """One point: replications have no meaningful prefix."""

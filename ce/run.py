@@ -10,6 +10,7 @@ from ce.auto import Auto, AutoOptions
 from ce.cross_entropy import CrossEntropy, CrossEntropyOptions
 from ce.errors import OptionsError
 from ce.former_names import with_present_names
+from ce.level import levelled
 from ce.mixture import MixtureOptions, MixtureSampling
 from ce.mixture_options import FORMER_NAMES
 from ce.naive import Naive, NaiveOptions
@@ -31,7 +32,8 @@ OPTIONS: dict[str, type[Options]] = {name: kind for name, (_, kind) in KINDS.ite
 
 
 def algorithm(name: str, base: Product, gamma: float, options: Options | None = None) -> Algorithm[Any]:
-    """The algorithm of that name for p = P0(f(X) <= gamma), as ask and tell; OptionsError for a wrong name or options.
+    """The algorithm of that name for p = P0(f(X) <= gamma), as ask and tell; OptionsError for a wrong name or
+    options.
 
     name: one of METHODS
     base: distribution P0 of X
@@ -86,6 +88,7 @@ def estimate(
     confidence: float = 0.95,
     seed: int = 0,
     options: Options | None = None,
+    level: Callable[[NDArray[np.float64]], ArrayLike] | None = None,
 ) -> Estimate:
     """Estimate p = P0(f(X) <= gamma) by calling f for at most `budget` rows; CeError for wrong use.
 
@@ -98,6 +101,9 @@ def estimate(
     confidence: of the interval, in (0, 1)
     seed: 0 <= seed < 2^64; same seed, same bits
     options: the method's own, in place of budget, rel_error and confidence
+    level: (n, d) -> (n,), what the search climbs down in place of f (`ce.levelled`); f alone decides the event. The
+        curve
+        then holds at and below gamma only.
 
     >>> import ce
     >>> base = ce.Product([ce.Normal([0.0, 0.0], [[1.0, 0.0], [0.0, 1.0]])])
@@ -110,7 +116,11 @@ def estimate(
     """
     if options is None:
         options = options_for(method, budget, rel_error, confidence)
-    return _run(f, algorithm(method, base, gamma, options), seed)
+    chosen = algorithm(method, base, gamma, options)
+    if level is None:
+        return _run(f, chosen, seed)
+    climbed = level
+    return _run(lambda x: levelled(f(x), climbed(x), chosen.gamma), chosen, seed)
 
 
 def options_for(method: str, budget: int, rel_error: float | None, confidence: float) -> Options:

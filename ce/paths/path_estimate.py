@@ -135,6 +135,16 @@ class PathEstimate(ReplicatedEstimate):
         hit = self.f <= gamma
         return float(np.bincount(self.root[hit], self._weights[hit]).max(initial=0.0)) / self.batches
 
+    def _no_events(self, warning: EstimateWarning) -> EstimateWarning:
+        if warning.name != "no-events":
+            return warning
+        return EstimateWarning(
+            "no-events",
+            f"no path came to {self.gamma:g}, the lowest to {np.nanmin(self.f, initial=math.inf):.4g}; the interval is an "
+            "upper bound, by the pilot's naive paths or by the starts drawn over the largest weight met",
+            warning.remedy,
+        )
+
     def _bound(self) -> float:
         """Upper end where nothing was found."""
         largest = max(float(np.max(self._weights, initial=0.0)) * self.starts, 1.0)

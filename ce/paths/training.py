@@ -144,24 +144,32 @@ def _fitted(
     source = np.random.Generator(np.random.Philox(key=np.array([seed, 0x6F726472], dtype=np.uint64)))
     batch = min(BATCH, max(row.size, 1))
     total = epochs * (row.size // batch)
-    arrays = [a.copy() for a in net.arrays()]
-    mean, square = [np.zeros_like(a) for a in arrays], [np.zeros_like(a) for a in arrays]
+    numbers, arrays = _as_one(net.arrays())
+    decay = np.concatenate([np.full(a.size, DECAY if a.ndim == 2 else 0.0) for a in arrays])
+    mean, square = np.zeros_like(numbers), np.zeros_like(numbers)
     kept_mean = kept_square = 1.0
     done = 0
     for _ in range(epochs):
         order = source.permutation(row.size)
         for q in range(row.size // batch):
             at = order[q * batch : (q + 1) * batch]
-            gradient = _gradient(arrays, x[row[at]], levels[at], labels[at], weights[at])
+            g = np.concatenate(
+                [a.ravel() for a in _gradient(arrays, x[row[at]], levels[at], labels[at], weights[at])]
+            )
             done += 1
             kept_mean, kept_square = kept_mean * 0.9, kept_square * 0.99
-            speed = rate * _falling(done / total)
-            for j, g in enumerate(gradient):
-                mean[j] = 0.9 * mean[j] + 0.1 * g
-                square[j] = 0.99 * square[j] + 0.01 * g * g
-                move = mean[j] / (1.0 - kept_mean) / (np.sqrt(square[j] / (1.0 - kept_square)) + 1e-7)
-                arrays[j] = arrays[j] - speed * (move + (DECAY * arrays[j] if j % 2 == 0 else 0.0))
-    return Net(*arrays)
+            mean = 0.9 * mean + 0.1 * g
+            square = 0.99 * square + 0.01 * g * g
+            move = mean / (1.0 - kept_mean) / (np.sqrt(square / (1.0 - kept_square)) + 1e-7)
+            numbers -= rate * _falling(done / total) * (move + decay * numbers)
+    return Net(*(a.copy() for a in arrays))
+
+
+def _as_one(arrays: Sequence[Array]) -> tuple[Array, list[Array]]:
+    """All numbers in one vector, and arrays of the same shapes that look into it."""
+    numbers = np.concatenate([a.ravel() for a in arrays])
+    ends = np.cumsum([a.size for a in arrays])
+    return numbers, [numbers[e - a.size : e].reshape(a.shape) for a, e in zip(arrays, ends, strict=True)]
 
 
 def _falling(share: float) -> float:
@@ -186,14 +194,13 @@ def _gradient(arrays: list[Array], x: Array, levels: Array, labels: Array, weigh
         hazard = hazard + each[:, j]
     out = (weights * (1.0 - labels / np.maximum(hazard, 1e-7)) / n)[:, None] * each
     out = np.clip(out, -LARGEST_GRADIENT, LARGEST_GRADIENT).reshape(-1, 1)
-    ones = np.ones((1, n * m))
     back2 = out * w3[:, 0] * slope(before2)
     back1 = exactly.product(back2, w2.T) * slope(before1)
     return [
         exactly.product(flat.T, back1),
-        exactly.product(ones, back1)[0],
+        np.add.reduce(back1, axis=0),
         exactly.product(hidden1.T, back2),
-        exactly.product(ones, back2)[0],
+        np.add.reduce(back2, axis=0),
         exactly.product(hidden2.T, out),
-        exactly.product(ones, out)[0],
+        np.add.reduce(out, axis=0),
     ]

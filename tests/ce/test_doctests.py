@@ -9,7 +9,7 @@ import pytest
 
 import ce
 
-MODULES = sorted(f"ce.{module.name}" for module in pkgutil.iter_modules(ce.__path__))
+MODULES = sorted(module.name for module in pkgutil.walk_packages(ce.__path__, "ce."))
 ESTIMATING = ("Algorithm", "Estimate", "algorithm", "compare", "estimate", "general_options", "paired")
 FAMILIES = (
     "Beta",

@@ -1,5 +1,6 @@
 """Paths split and ended along the way: unbiased for any committor, the same bits for any division of the roots."""
 
+import functools
 from itertools import pairwise
 
 import numpy as np
@@ -27,6 +28,10 @@ class Straight:
         return (1.0 if self.wrong else -0.5) * z * z - 9.0 * self.wrong
 
 
+GOOD, BAD = Straight(), Straight(wrong=True)
+
+
+@functools.cache
 def planned(process, committor, population=150.0):
     x, seeds = ce.draw(process.base, 5, "train", 0, 0, 4000)
     hazard = committor.log_hazard(process.features(process.begin(x, seeds)), LEVELS)
@@ -41,7 +46,7 @@ def batch(problem, committor, seed, iteration=0):
 
 @pytest.mark.parametrize("wrong", [False, True], ids=["good", "bad"])
 def test_the_weighted_events_are_unbiased_whatever_the_committor(wrong):
-    driven = [batch(PROBLEM, Straight(wrong), 7, k)[1] for k in range(60)]
+    driven = [batch(PROBLEM, BAD if wrong else GOOD, 7, k)[1] for k in range(60)]
     p = np.array([d.events[:, 1].sum() for d in driven]) / CANDIDATES
     assert abs(p.mean() - PROBLEM.p) < 4.0 * p.std(ddof=1) / np.sqrt(p.size)
     if not wrong:
@@ -57,13 +62,14 @@ def test_a_bad_committor_is_unbiased_on_a_chain_too():
             return np.repeat(-6.0 * features[:, 0, :1].astype(np.float64), levels.size, axis=1)
 
     problem = birth_death(0.75, 8, 60)
-    p = np.array([batch(problem, Downwards(), 3, k)[1].events[:, 1].sum() for k in range(60)]) / CANDIDATES
+    downwards = Downwards()
+    p = np.array([batch(problem, downwards, 3, k)[1].events[:, 1].sum() for k in range(60)]) / CANDIDATES
     assert abs(p.mean() - problem.p) < 4.0 * p.std(ddof=1) / np.sqrt(p.size)
 
 
 def test_any_division_of_the_roots_gives_the_same_bits():
-    roots, whole = batch(PROBLEM, Straight(), 11)
-    plan = planned(PROBLEM.process, Straight())
+    roots, whole = batch(PROBLEM, GOOD, 11)
+    plan = planned(PROBLEM.process, GOOD)
     cuts = [0, 1, 7, roots.size // 2, roots.size]
     parts = [
         ce.paths.drive(
@@ -72,7 +78,7 @@ def test_any_division_of_the_roots_gives_the_same_bits():
             LEVELS,
             PROBLEM.process.checkpoints,
             plan,
-            Straight(),
+            GOOD,
         )
         for a, b in pairwise(cuts)
     ]
@@ -82,7 +88,7 @@ def test_any_division_of_the_roots_gives_the_same_bits():
 
 
 def test_a_path_is_driven_again_by_the_keys_of_its_segments():
-    roots, driven = batch(PROBLEM, Straight(), 7)
+    roots, driven = batch(PROBLEM, GOOD, 7)
     at = driven.root
     states = ce.paths.replay(
         PROBLEM.process, roots.x[at], roots.seeds[at], driven.lineage, PROBLEM.process.checkpoints
@@ -94,7 +100,7 @@ def test_a_path_is_driven_again_by_the_keys_of_its_segments():
 
 def test_weights_keep_the_number_of_paths():
     """The weighted number of paths that come to their end is that of the starts drawn, on average."""
-    total = [batch(PROBLEM, Straight(), 17, k)[1].weight.sum() / CANDIDATES for k in range(40)]
+    total = [batch(PROBLEM, GOOD, 17, k)[1].weight.sum() / CANDIDATES for k in range(40)]
     assert abs(np.mean(total) - 1.0) < 4.0 * np.std(total, ddof=1) / np.sqrt(40)
 
 
