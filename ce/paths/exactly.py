@@ -22,8 +22,8 @@ _LARGEST = 708.0
 def exp(x: ArrayLike) -> Array:
     """e^x within 2 units of the last place; 0 below -708, e^708 above.
 
-    >>> float(exp(1.0)), float(exp(-1000.0))
-    (2.718281828459045, 0.0)
+    >>> float(exp(0.0)), float(exp(-1000.0)), abs(float(exp(1.0)) - 2.718281828459045) < 1e-15
+    (1.0, 0.0, True)
     """
     x = np.asarray(x, dtype=np.float64)
     within = np.clip(x, -_LARGEST, _LARGEST)

@@ -138,9 +138,10 @@ class PathEstimate(ReplicatedEstimate):
     def _no_events(self, warning: EstimateWarning) -> EstimateWarning:
         if warning.name != "no-events":
             return warning
+        lowest = float(np.nanmin(self.f, initial=math.inf))
         return EstimateWarning(
             "no-events",
-            f"no path came to {self.gamma:g}, the lowest to {np.nanmin(self.f, initial=math.inf):.4g}; the interval is an "
+            f"no path came to {self.gamma:g}, the lowest to {lowest:.4g}; the interval is an "
             "upper bound, by the pilot's naive paths or by the starts drawn over the largest weight met",
             warning.remedy,
         )
