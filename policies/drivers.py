@@ -71,7 +71,7 @@ def shipped() -> list[str]:
 
 def load_drivers(name_or_path: str | Path) -> DriverModel:
     """The model called `name_or_path` (see `shipped`), or that of a `.safetensors` file. Raises WeightsError."""
-    path = _find(name_or_path)
+    path = weights_file(name_or_path)
     stamp = path.stat()
     return _load(path, stamp.st_mtime_ns, stamp.st_size)
 
@@ -123,7 +123,7 @@ def save_drivers(
     return path
 
 
-def _find(name_or_path: str | Path) -> Path:
+def weights_file(name_or_path: str | Path) -> Path:
     given = Path(name_or_path)
     if given.suffix == ".safetensors":
         if not given.is_file():

@@ -17,6 +17,7 @@ SECTIONS = {
         "prevent": "service.front.cli.prevent",
         "severity": "service.front.cli.severity",
         "accept": "service.front.cli.accept",
+        "evidence": "service.front.cli.evidence",
         "replay": "service.front.cli.replay",
         "report": "service.front.cli.report",
         "export": "service.front.cli.export",

