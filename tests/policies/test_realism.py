@@ -12,6 +12,7 @@ from policies.realism.lane_changes import crossings, gap, lane_changes
 from policies.realism.measures import QUANTITIES, counts, errors, quantities, resmoothed, touching
 from policies.realism.recorded import lane_change_facts
 from policies.realism.statistics import bins, distances, histogram, rate, root_mean_square, vehicle_bootstrap
+from policies.realism.tails import SHARES, gaps, tail_facts, tails
 
 WIDTH_M = 3.7
 LANES = 4  # three main lanes and a ramp
@@ -98,6 +99,58 @@ def test_gaps_are_between_bumpers():
     row = scene([[100.0, 120.0]], [[0.0, 0.0]], [[10.0, 8.0]])
     metres, closing, headway, ttc = gap(row, 0, 0, 1)
     assert (metres, closing, headway, ttc) == pytest.approx((15.5, 2.0, 1.55, 7.75))
+
+
+def test_tails_are_shares_of_the_time_inside_the_edges():
+    t = np.arange(117) * 0.1  # the inner hundred moments are seen: 0.8 to 10.7 s
+    stations = np.column_stack([100.0 + 12.0 * t, 130.0 + 9.0 * t, 100.0 + 12.0 * t])
+    laterals = np.column_stack(
+        [np.full(117, centre(1)), np.full(117, centre(1)), np.full(117, centre(1) + 2.2)]
+    )
+    made = scene(stations, laterals, np.broadcast_to([12.0, 9.0, 12.0], (117, 3)))
+    every = list(SHARES)
+
+    def of(who: int, name: str, driven=(0, 1, 2)) -> float:
+        return tails(made, np.array([who]), np.array(driven, dtype=int))[0, 1 + every.index(name)]
+
+    assert tails(made, np.array([0]), np.arange(3))[0, 0] == 100
+    ahead = (stations[:, 1] - stations[:, 0])[8:108]
+    left = ahead - 4.5  # bumper to bumper
+    assert of(0, "headway_below_0.5_s") == ((left / 12.0 < 0.5) & (ahead > 0.0)).sum()
+    for limit in (1.0, 2.0, 3.0):
+        assert of(0, f"ttc_below_{limit:g}_s") == ((left > 0.0) & (left / 3.0 < limit)).sum()
+    assert of(0, "side_below_0.5_m") == 100  # 2.2 m between centres, 1.8 m wide
+    assert of(1, "side_below_0.5_m") == (np.abs(ahead) < 4.5).sum()
+    overlapping = (np.abs(ahead) < 4.5).sum()
+    assert of(0, "in_other_contact") == of(1, "in_other_contact") == overlapping > 0
+    assert of(1, "driven_into_from_behind") == 0
+    past = (np.abs(ahead) < 4.5) & (ahead > 0.0)  # until it is past
+    assert of(1, "driven_into_from_behind", driven=(1, 2)) == past.sum() > 0
+    braking = replace(made, accel=np.where(t[:, None] < 3.8, -2.5, 0.0) * np.ones((1, 3)))
+    counts_of = tails(braking, np.array([0]), np.arange(3))[0, 1:]
+    assert counts_of[every.index("braking_beyond_2_mps2")] == 30
+    assert counts_of[every.index("braking_beyond_3_mps2")] == 0
+
+
+def test_gaps_accepted_are_told_with_how_many(cut_in):
+    found = gaps(cut_in, np.array([0]))
+    assert len(found) == 1
+    (vehicle, lead, lag) = found[0]
+    assert vehicle == cut_in.vehicle_id[0]
+    assert lead == pytest.approx(15.5)
+    assert lag == pytest.approx(30.0 - 4.5 - 2.0 * 7.5, abs=0.3)
+    frames = tails(cut_in, np.array([0]), np.arange(3))
+    told = tail_facts(frames, np.array([1]), found, np.random.default_rng(1))
+    assert told["gaps"]["lead_gap_m"]["n"] == 1
+    assert told["gaps"]["lead_gap_m"]["median"] == told["gaps"]["lead_gap_m"]["smallest"] == 15.5
+    assert set(told["shares"]) == set(SHARES)
+    nobody = tail_facts(frames, np.array([1]), [], np.random.default_rng(1))
+    assert nobody["gaps"]["lag_gap_m"] == {
+        "n": 0,
+        "median": None,
+        "median_interval_95": None,
+        "smallest": None,
+    }
 
 
 def test_errors_counts_and_motion_of_a_driven_vehicle():

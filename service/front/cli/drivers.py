@@ -31,14 +31,18 @@ def command() -> None:
               help="Rollouts of each recorded window.")  # fmt: skip
 @click.option("--krauss/--no-krauss", default=True, show_default=True,
               help="Also measure SUMO's own driver, which takes minutes.")  # fmt: skip
+@click.option("--human", default="i80", show_default=True,
+              help="Scenario with a human table, which stands around the weights as one more model.")  # fmt: skip
 @seed_option()
 @json_option()
-def card(weights: str, data: Path, out: Path, samples: int, krauss: bool, seed: int, as_json: bool) -> None:
+def card(
+    weights: str, data: Path, out: Path, samples: int, krauss: bool, human: str, seed: int, as_json: bool
+) -> None:
     """Measure how like people the drivers drive, beside other models, and write the realism card."""
     from policies.data.scenes import DataError
     from service.studies.realism import card as making
 
-    settings = making.Settings(weights, data, seed, samples, krauss)
+    settings = making.Settings(weights, data, seed, samples, krauss, human)
     try:
         with stderr.status("reading recordings") if stderr.is_terminal else nullcontext() as status:
             facts = making.make(settings, lambda text: status.update(text) if status is not None else None)

@@ -19,8 +19,10 @@ from policies.realism.lane_changes import lane_changes
 from policies.realism.measures import QUANTITIES, quantities
 from policies.realism.recorded import lane_change_facts
 from policies.realism.statistics import bins, distances, histogram, rounded
+from policies.realism.tails import tail_facts
+from service.errors import InputError
 from service.studies.realism import models, stream
-from service.studies.realism.drive import IDM_MOBIL, NETWORK, Model
+from service.studies.realism.drive import HUMAN, IDM_MOBIL, NETWORK, Model
 from service.studies.realism.evaluate import (
     ERRORS,
     LENGTHS_S,
@@ -34,6 +36,8 @@ from service.studies.realism.evaluate import (
     recorded,
     shares,
 )
+from service.world.scenario.load import load_scenario
+from service.world.scenario.schema import Scenario
 from sumo_nets.corridor import load_corridor
 
 BASELINE = "drivers-bc"
@@ -48,6 +52,7 @@ class Settings:
     data: the pack's folder or one of imported tables
     samples: rollouts a window of a stochastic model
     with_krauss: SUMO's driver takes minutes
+    human: a scenario with a human table, which stands around the weights as one more model
     """
 
     weights: str
@@ -55,12 +60,13 @@ class Settings:
     seed: int = 1
     samples: int = 2
     with_krauss: bool = True
+    human: str = "i80"
 
     @property
     def command(self) -> str:
         return (
             f"tailroad drivers card --weights {self.weights} --data DIR --out DIR --seed {self.seed} "
-            f"--samples {self.samples}" + ("" if self.with_krauss else " --no-krauss")
+            f"--samples {self.samples} --human {self.human}" + ("" if self.with_krauss else " --no-krauss")
         )
 
 
@@ -68,6 +74,11 @@ def make(settings: Settings, tell: Callable[[str], None] = lambda _: None) -> di
     """All facts of the card. Raises DataError and WeightsError."""
     drivers = load_drivers(settings.weights)
     recordings = load_recordings(settings.data)
+    human = load_scenario(settings.human)
+    if human.human is None:
+        raise InputError(
+            f"--human {settings.human}: its drivers have no human table; give one that has, as i80"
+        )
     tell("fitting IDM and MOBIL")
     fit = models.fitted(recordings)
     name = Path(settings.weights).stem
@@ -76,6 +87,7 @@ def make(settings: Settings, tell: Callable[[str], None] = lambda _: None) -> di
     if name != BASELINE:
         networks[BASELINE] = load_drivers(BASELINE)
         labels[BASELINE] = f"behaviour cloning ({BASELINE})"
+    labels[models.PEOPLE] = f"{name} who see, react and look away (human table of {settings.human})"
     labels |= models.LABELS
     sites = {}
     for site, scenes in recordings.sites.items():
@@ -87,6 +99,7 @@ def make(settings: Settings, tell: Callable[[str], None] = lambda _: None) -> di
                 n: (models.network(n, d, scenes, settings.seed), settings.samples)
                 for n, d in networks.items()
             }
+            runners[models.PEOPLE] = models.human(human, drivers, scenes, settings.seed), settings.samples
             runners[models.IDM] = models.idm_mobil(fit.values, scenes, settings.seed), settings.samples
             if settings.with_krauss:
                 runners[models.KRAUSS] = stack.enter_context(models.krauss(settings.seed)), 1
@@ -108,7 +121,7 @@ def make(settings: Settings, tell: Callable[[str], None] = lambda _: None) -> di
         "taken_over": taken_over(drivers.card),
         "data": _data(recordings),
         "idm_mobil": fit.as_dict(),
-        "stream": _stream(settings, networks, fit.values, tell),
+        "stream": _stream(settings, networks, human, drivers, fit.values, tell),
         "sites": sites,
         "published": {"sources": list(published.SOURCES), "protocol": published.PROTOCOL},
         "versions": _versions(),
@@ -161,6 +174,7 @@ def _people(people: Measured, scenes: list[Scene], data: dict[str, Values], rng:
             others[name].append(Values(values.x, values.vehicle + 10_000_000 * number))
     return {
         **shares(people.count, np.array(people.vehicle), rng),
+        "tails": tail_facts(np.array(people.tail), np.array(people.vehicle), people.accepted, rng),
         "values": {
             name: {"mean": rounded(float(v.x.mean()), 4), "sd": rounded(float(v.x.std()), 4)}
             for name, v in data.items()
@@ -173,14 +187,16 @@ def _people(people: Measured, scenes: list[Scene], data: dict[str, Values], rng:
 
 
 def _stream(
-    settings: Settings, networks: dict[str, DriverModel], values: np.ndarray, tell: Callable[[str], None]
-) -> dict[str, Any] | None:
+    settings: Settings, networks: dict[str, DriverModel], human: Scenario, drivers: DriverModel, values: np.ndarray,
+    tell: Callable[[str], None],
+) -> dict[str, Any] | None:  # fmt: skip
     """The traffic stream at I-80's demand, where the data have it."""
     wanted = stream.demand(settings.data)
     if wanted is None:
         return None
     corridor = load_corridor("i80")
     driving = {name: Model(name, NETWORK, drivers) for name, drivers in networks.items()}
+    driving[models.PEOPLE] = Model(models.PEOPLE, HUMAN, drivers, human=human)
     driving[models.IDM] = Model(models.IDM, IDM_MOBIL, values=values)
     found = {}
     for name, model in driving.items():

@@ -18,6 +18,7 @@ from policies.data.scenes import EDGE_FRAMES, Scene
 from policies.realism.driven import Driven, window_of
 from policies.realism.measures import QUANTITIES, Counts, counts, errors, quantities, resmoothed
 from policies.realism.statistics import distances, rate, root_mean_square, rounded
+from policies.realism.tails import gaps, tail_facts, tails
 
 HORIZONS_S = (1.0, 2.0, 5.0, 8.0, 10.0, 15.0, 20.0)
 LENGTHS_S = (20.0, 15.0, 10.0, 8.0, 5.0)
@@ -70,14 +71,19 @@ class Measured:
     error: list[np.ndarray]
     count: list[Counts]
     quantity: dict[str, list[Values]]
+    tail: list[np.ndarray]
+    accepted: list[tuple[int, float, float]]
 
     def add(self, driven: Driven, held: np.ndarray, horizons: list[int], offset: int) -> None:
         chosen = np.isin(driven.who, held)
         self.vehicle += [offset + int(i) for i in driven.scene.vehicle_id[driven.who[chosen]]]
         self.error += list(errors(driven, horizons)[chosen])
         self.count += counts(driven.scene, driven.who[chosen], driven.accel[:, chosen])
-        for name, values in quantities(resmoothed(driven), driven.who[chosen]).items():
+        smoothed = resmoothed(driven)
+        for name, values in quantities(smoothed, driven.who[chosen]).items():
             self.quantity[name].append(Values(values.x, values.vehicle + offset))
+        self.tail += list(tails(smoothed, driven.who[chosen], driven.who))
+        self.accepted += [(offset + v, lead, lag) for v, lead, lag in gaps(driven.scene, driven.who[chosen])]
 
     def facts(self, data: dict[str, Values], horizons_s: list[float], rng: np.random.Generator) -> dict:
         vehicle, error = np.array(self.vehicle), np.array(self.error)
@@ -91,6 +97,7 @@ class Measured:
             "vehicles": len(np.unique(vehicle)),
             "errors": by_horizon,
             **shares(self.count, vehicle, rng),
+            "tails": tail_facts(np.array(self.tail), vehicle, self.accepted, rng),
             "distances": {
                 name: distances(data[name], Values.joined(self.quantity[name]), rng) for name in QUANTITIES
             },
@@ -98,7 +105,7 @@ class Measured:
 
 
 def empty() -> Measured:
-    return Measured([], [], [], {name: [] for name in QUANTITIES})
+    return Measured([], [], [], {name: [] for name in QUANTITIES}, [], [])
 
 
 def shares(rows: list[Counts], vehicle: np.ndarray, rng: np.random.Generator) -> dict:
@@ -148,6 +155,8 @@ def recorded(scenes: list[Scene], found: list[Window], seconds: float) -> Measur
         measured.count += counts(scene, window.held, scene.accel[:, window.held])
         for name, values in quantities(scene, window.held).items():
             measured.quantity[name].append(Values(values.x, values.vehicle + offset))
+        measured.tail += list(tails(scene, window.held, np.arange(len(scene.vehicle_id))))
+        measured.accepted += [(offset + v, lead, lag) for v, lead, lag in gaps(scene, window.held)]
     return measured
 
 

@@ -14,6 +14,7 @@ Facts = dict[str, Any]
 PEOPLE = "#1f1f1f"
 # Okabe and Ito's colours, with line styles that differ too; the drivers of the card come first
 LINES: dict[str, dict[str, Any]] = {
+    models.PEOPLE: {"color": "#E69F00", "linestyle": (0, (5, 1))},
     models.IDM: {"color": "#009E73", "linestyle": "-."},
     models.KRAUSS: {"color": "#CC79A7", "linestyle": ":"},
     models.STILL: {"color": "#8c8c8c", "linestyle": (0, (1, 2))},

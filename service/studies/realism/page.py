@@ -6,6 +6,7 @@ from typing import Any
 from markupsafe import Markup
 
 from policies.realism.measures import QUANTITIES
+from policies.realism.tails import GAPS, SHARES
 from service.analysis.report import ink, page
 from service.studies.realism import figures
 from service.studies.realism.words import caveats, verdict
@@ -26,6 +27,8 @@ def page_of(facts: dict[str, Any]) -> str:
         distributions={site: figures.distribution_pictures(facts, site) for site in facts["sites"]},
         lane_changes=figures.lane_change_picture(facts),
         quantities=QUANTITIES,
+        tail_shares=SHARES,
+        tail_gaps=GAPS,
         error_labels=figures.ERRORS,
         colours={m: figures.line(facts, m)["color"] for m in facts["labels"]},
         width=ink.WIDTH_IN,

@@ -52,7 +52,7 @@ def test_the_card_has_every_model_protocol_and_quantity(card):
     assert site["seconds"] == 5.0  # few held-out vehicles: the shortest windows
     assert (
         set(site["models"])
-        == {"steering", "drivers-bc", "idm-mobil", "constant-speed"}
+        == {"steering", "human", "drivers-bc", "idm-mobil", "constant-speed"}
         == set(facts["labels"])
     )
     for by_protocol in site["models"].values():

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -9,11 +10,16 @@ from policies.baselines.idm_mobil import PARAMETERS
 from policies.columns import Values
 from policies.data import scenes as S
 from service.studies.realism import models
-from service.studies.realism.drive import CONSTANT, IDM_MOBIL, NETWORK, Model, drive_scene, road_for
+from service.studies.realism.drive import CONSTANT, HUMAN, IDM_MOBIL, NETWORK, Model, drive_scene, road_for
 from service.studies.realism.evaluate import PROTOCOLS, evaluate, longest, recorded, windows
 from service.studies.realism.krauss import Krauss
+from service.studies.realism.people import people
 from service.training import world as W
 from service.world import agents as A
+from service.world.scenario.load import load_scenario
+from service.world.scenario.schema import Scenario
+from service.world.sim import minds as M
+from service.world.sim.latent import GLANCE
 from sumo_nets.corridor import load_corridor
 
 SAMPLE = Path(S.__file__).parent / "sample"
@@ -74,6 +80,43 @@ def test_the_others_replay_and_the_same_seed_gives_the_same(scene, there):
     assert np.allclose(first.scene.speed[0, who], scene.speed[FIRST, who])
     assert np.allclose(first.scene.station[0, who], scene.station[FIRST, who], atol=0.05)
     assert len(PARAMETERS) == len(VALUES)
+
+
+def test_people_drive_among_recorded_vehicles_with_their_own_glances_and_noise(scene, there, drivers):
+    road, who = road_for(scene), there[:4]
+
+    def driven(human: Scenario, seed: int = 3):
+        model = Model("p", HUMAN, drivers, human=human)
+        return drive_scene(model, scene, road, FIRST, STEPS, who, drivers.mu0, np.random.default_rng(seed))
+
+    human = load_scenario("i80")
+    first, again, other = driven(human), driven(human), driven(human, 4)
+    np.testing.assert_array_equal(first.scene.station, again.scene.station)
+    assert not np.array_equal(first.scene.station, other.scene.station, equal_nan=True)
+    others = np.setdiff1d(np.arange(len(scene.vehicle_id)), who)
+    rows = slice(FIRST, FIRST + STEPS + 1)
+    np.testing.assert_array_equal(first.scene.station[:, others], scene.station[rows][:, others])
+    assert np.isfinite(first.scene.station[:, who]).all()
+    # with glances all the time an acceleration is held; without noise that is the same number again and again
+    assert human.human is not None
+    glances = msgspec.structs.replace(human.human.glances, every_s=0.5, median_s=9.0, epsilon=1.0)
+    still = msgspec.structs.replace(human.human.noise, acceleration_amplitude=0.0, turn_rate_amplitude=0.0)
+    away = msgspec.structs.replace(
+        human, human=msgspec.structs.replace(human.human, glances=glances, noise=still)
+    )
+    held = np.diff(driven(away).accel[:-1], axis=0) == 0.0
+    assert held.mean() > 0.6
+    assert held.mean() > 0.3 + (np.diff(first.accel[:-1], axis=0) == 0.0).mean()
+
+
+def test_rows_that_are_handed_on_have_no_first_long_glance():
+    human = load_scenario("i80")
+    happens, minds, traits = people(human, 300, 40, np.random.default_rng(2), staying=False)
+    begun = happens[:, :, GLANCE]
+    assert (begun[:20] >= human.human.glances.long_s).any()
+    assert np.mean(begun[1:] > 0.0) * 10.0 * human.human.glances.every_s == pytest.approx(1.0, abs=0.15)
+    assert len(np.unique(minds[:, M.REACTION_S])) == 40
+    assert traits.size > 0
 
 
 def test_constant_speed_keeps_its_speed(scene, there):
