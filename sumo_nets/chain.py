@@ -9,6 +9,8 @@ import numpy as np
 
 from sumo_nets.curves import Curve, drop_repeats, even_curve, resample, smooth_curve
 from sumo_nets.errors import EdgesError, NetworkError
+from sumo_nets.readable import check_kind
+from sumo_nets.strips import points_of, strips
 
 STATION_STEP_M = 1.0
 SMOOTHING_M = 40.0  # undulations of a lane's polyline shorter than this are drawing, not road
@@ -18,18 +20,23 @@ def open_net(path: Path) -> Any:  # a sumolib.net.Net: sumolib comes without typ
     """The network file as sumolib's object; NetworkError if it is missing or is not one."""
     if not path.is_file():
         raise NetworkError(f"there is no network file {path}; give a SUMO .net.xml or a built-in name")
+    check_kind(path)
     import sumolib  # here because it takes longer to import than the rest of this module together
 
     try:
         return sumolib.net.readNet(str(path), withInternal=True, withPrograms=False)
     except Exception as error:  # sumolib lets through whatever the XML parser or its own lookups raise
-        raise NetworkError(f"{path} is not a SUMO network that can be read: {error}") from error
+        raise NetworkError(
+            f"{path} is not a SUMO network that can be read ({type(error).__name__}: {error}); build it anew with "
+            "netconvert"
+        ) from error
 
 
 class Chain:
     """Edges in driving order with one lane numbering: column c of every edge is the same strip of road.
 
-    `lanes[i]` are the lanes of edge i from the left, `first[i]` is the column of the leftmost of them.
+    `lanes[i]` are the lanes of edge i from the left (`sumo_nets.strips`), `first[i]` is the column of the leftmost of
+    them.
     """
 
     def __init__(self, net: Any, path: Path, edges: tuple[str, ...]):
@@ -43,8 +50,7 @@ class Chain:
                 shown = ", ".join(known[:8]) + (", ..." if len(known) > 8 else "")
                 raise EdgesError(f"{path}: no edge {edge!r}; the network has {len(known)} edges: {shown}")
             self.parts.append(net.getEdge(edge))
-        # lanes from the left: position 0 is SUMO's highest index
-        self.lanes = [list(reversed(part.getLanes())) for part in self.parts]
+        self.lanes = [strips(part, path) for part in self.parts]  # from the left
         self.links = [self._link(net, i) for i in range(len(edges) - 1)]
         shift = np.cumsum([0] + [self._shift(link) for link in self.links])
         self.first = [int(s) for s in shift - shift.min()]  # column of the leftmost lane of each edge
@@ -55,8 +61,10 @@ class Chain:
         found = {}
         position = [{lane.getID(): p for p, lane in enumerate(self.lanes[j])} for j in (i, i + 1)]
         for connection in self.parts[i].getOutgoing().get(self.parts[i + 1], []):
-            key = (position[0][connection.getFromLane().getID()], position[1][connection.getToLane().getID()])
-            found[key] = self._inside(net, connection.getViaLaneID())
+            ends = connection.getFromLane().getID(), connection.getToLane().getID()
+            if ends[0] in position[0] and ends[1] in position[1]:  # not a sidewalk's
+                key = position[0][ends[0]], position[1][ends[1]]
+                found[key] = self._inside(net, connection.getViaLaneID())
         if not found:
             a, b = self.edges[i], self.edges[i + 1]
             followers = ", ".join(e.getID() for e in self.parts[i].getOutgoing()) or "nothing"
@@ -67,7 +75,8 @@ class Chain:
         shapes = []
         while via:
             lane = net.getLane(via)
-            shapes.append(np.array(lane.getShape(), float)[:, :2])
+            if len(lane.getShape()):
+                shapes.append(points_of(lane))
             onward = lane.getOutgoing()
             via = onward[0].getViaLaneID() if onward else ""
         return np.concatenate(shapes) if shapes else np.empty((0, 2))
@@ -114,7 +123,7 @@ class Chain:
         points, widths, owner = [], [], []
         for i in range(run[0], run[1] + 1):
             lane = self.lane(i, column)
-            shape = resample(np.array(lane.getShape(), float)[:, :2], 1.0)
+            shape = resample(points_of(lane), 1.0)
             points.append(shape)
             widths.append(np.full(len(shape), lane.getWidth()))
             owner.append(np.full(len(shape), i))
@@ -146,7 +155,7 @@ class Chain:
         for i in range(len(self.edges)):
             position = int(np.clip(column - self.first[i], 0, len(self.lanes[i]) - 1))
             lane = self.lanes[i][position]
-            shape = np.array(lane.getShape(), float)[:, :2]
+            shape = points_of(lane)
             aside = (position - (column - self.first[i])) * lane.getWidth()
             if aside:
                 tangent = np.gradient(shape, axis=0)

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from sumo_nets.chain import SMOOTHING_M, Chain, open_net
 from sumo_nets.curves import Curve, resample, whittaker
 from sumo_nets.errors import EdgesError, NetworkError
+from sumo_nets.rules import Rules, rules_of
 from sumo_nets.stored import stored_lanes
 
 __all__ = ["BUILT_IN", "Corridor", "NetworkError", "built_in_folder", "load_corridor", "read_corridor"]
@@ -35,9 +36,10 @@ class Corridor:
     reference line.
     lane_left, lane_right: (L, K+1), offsets of each lane's boundaries, NaN where it does not exist.
     road_left, road_right: (K+1,), offsets of the outermost drivable edges.
-    edge_index, sumo_lane: (L, K+1) int32, index into `edges` and SUMO's lane index (0 = rightmost), -1 where
-    the lane is absent; inside a junction they are those of the nearer edge.
+    edge_index, sumo_lane: (L, K+1) int32, index into `edges` and SUMO's lane index (0 = rightmost, in left-hand
+    traffic leftmost), -1 where the lane is absent; inside a junction they are those of the nearer edge.
     reserved: (L, K+1) bool, where a lane exists that ordinary passenger cars may not use (a high-occupancy lane).
+    rules: further rules of lanes, where the network has any.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Corridor:
     edge_index: np.ndarray
     sumo_lane: np.ndarray
     reserved: np.ndarray
+    rules: Rules | None = None
 
     @property
     def lane_count(self) -> int:
@@ -180,6 +183,7 @@ def read_corridor(path: str | Path, edges: Sequence[str], name: str | None = Non
             column = chain.first[i] + position
             sumo_lane[column, edge_index[column] == i] = lane.getIndex()
             reserved[column, edge_index[column] == i] = not lane.allows("passenger")
+    rules = rules_of(chain, path, edge_index)
     absent = np.flatnonzero((sumo_lane < 0).all(axis=0))
     if len(absent):
         raise NetworkError(f"{path}: no lane at station {stations[absent[0]]:.0f} m of the corridor")
@@ -201,6 +205,7 @@ def read_corridor(path: str | Path, edges: Sequence[str], name: str | None = Non
         edge_index=edge_index,
         sumo_lane=sumo_lane,
         reserved=reserved,
+        rules=rules,
     )
 
 

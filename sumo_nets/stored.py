@@ -23,9 +23,11 @@ NET_DIGEST = "net_sha256"
 
 
 def store_lanes(corridor: Corridor, path: Path) -> Path:
-    """Write a corridor's arrays and what net they were read from."""
+    """Write a corridor's arrays and what net they were read from; NetworkError for a road with further rules."""
+    if corridor.rules is not None:
+        raise NetworkError(f"{corridor.net_path} has lanes with rules of their own, which are not kept")
     arrays: dict[str, Any] = {
-        f.name: getattr(corridor, f.name) for f in fields(corridor) if f.name != "net_path"
+        f.name: getattr(corridor, f.name) for f in fields(corridor) if f.name not in ("net_path", "rules")
     }
     arrays[NET_DIGEST] = _digest(Path(corridor.net_path))
     np.savez_compressed(path, **arrays)

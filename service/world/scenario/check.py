@@ -147,6 +147,11 @@ def check_road(scenario: Scenario, source: str) -> Corridor:
                 vehicle.lane,
                 f"lane {vehicle.lane} does not exist over {station.low:g} to {station.high:g} m",
             )
+        if corridor.rules is not None and corridor.rules.closed[vehicle.lane - 1, first : last + 1].any():
+            remedy = (
+                f"lane {vehicle.lane} is closed to motor vehicles over {station.low:g} to {station.high:g} m"
+            )
+            raise ScenarioError(source, key, vehicle.lane, remedy)
     for i, start in enumerate(scenario.fixed.starts if scenario.fixed else ()):
         if not 0.0 <= start.station_m <= corridor.length_m:
             key, remedy = f"fixed.starts[{i}].station_m", f"the road goes from 0 to {corridor.length_m:.0f} m"

@@ -17,6 +17,7 @@ from service.world.scenario.check import DISTRIBUTIONS, check_values
 from service.world.scenario.check_camera import WEATHER_RANGES
 from service.world.scenario.renamed import to_stored, written_key
 from service.world.scenario.schema import FORMAT, Distribution, Scenario
+from sumo_nets.corridor import BUILT_IN
 
 FOLDER = Path(__file__).parent
 UNITS = {
@@ -170,7 +171,7 @@ def _resolve_paths(scenario: Scenario, source: str, folder: Path) -> Scenario:
             raise ScenarioError(source, key, path, f"not a path ({error}); check it") from error
 
     network, drivers = scenario.network, scenario.drivers
-    if network.road.endswith(".xml") or network.road.endswith(".xml.gz"):
+    if network.road not in BUILT_IN and ("." in network.road or "/" in network.road):  # a file, not a name
         network = msgspec.structs.replace(network, road=absolute("network.road", network.road))
     if drivers.weights.endswith(".safetensors"):
         drivers = msgspec.structs.replace(drivers, weights=absolute("drivers.weights", drivers.weights))

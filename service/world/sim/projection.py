@@ -11,9 +11,13 @@ import numpy as np
 
 from policies.jit import kernel
 from policies.layout import LANE_AHEAD_M
-from service.world import agents as A  # columns of the reference line's table
+from service.world import agents as A
 
+# columns of the reference line's table
 REF_X, REF_Y, REF_HEADING, REF_COS, REF_SIN, REF_CURVATURE, ROAD_LEFT, ROAD_RIGHT = range(8)
+# rules of a lane, which are added up
+RESERVED, CLOSED, KEEPS_LEFT, KEEPS_RIGHT = 1, 2, 4, 8
+NOT_FOR_ALL = RESERVED + CLOSED
 
 
 @kernel
@@ -36,7 +40,7 @@ def place(
 @kernel
 def _invites(lanes: np.ndarray, lane: int, here: int, ahead: int) -> float:
     """1 if `lane` exists at both stations and is open to everybody, else 0."""
-    if lane < 0 or lane >= lanes.shape[1] or lanes[here, lane, 2] != 0.0:
+    if lane < 0 or lane >= lanes.shape[1] or int(lanes[here, lane, 2]) & NOT_FOR_ALL:
         return 0.0
     return 0.0 if math.isnan(lanes[here, lane, 0]) or math.isnan(lanes[ahead, lane, 0]) else 1.0
 
@@ -46,10 +50,12 @@ def locate(agent: np.ndarray, reference: np.ndarray, lanes: np.ndarray, spacing_
     """Update a vehicle's station, offset, lane and flags from its position and heading.
 
     reference: (stations, 8)
-    lanes: (stations, lanes, 3) left and right boundary offsets, NaN where a lane does not exist, and 1 where it is
-        reserved (high-occupancy vehicles): the flags do not invite into such a lane
+    lanes: (stations, lanes, 3) left and right boundary offsets, NaN where a lane does not exist, and its rules: the
+        flags do not invite into a lane that is reserved (high-occupancy vehicles) or closed, nor out of one that is to
+        be kept to
 
-    A vehicle is off the road when its centre lies beyond the outermost markings, or before the start.
+    A vehicle is off the road when its centre lies beyond the outermost markings, before the start, or on a lane that
+    is closed to motor vehicles.
     """
     last = reference.shape[0] - 1
     k = int(agent[A.STATION])
@@ -104,11 +110,12 @@ def locate(agent: np.ndarray, reference: np.ndarray, lanes: np.ndarray, spacing_
     agent[A.LEFT_MARKING_M] = best_left - offset
     agent[A.RIGHT_MARKING_M] = offset - best_right
     ahead = min(k + int(LANE_AHEAD_M / spacing_m), last)
-    agent[A.LANE_TO_THE_LEFT] = _invites(lanes, best - 1, k, ahead)
-    agent[A.LANE_TO_THE_RIGHT] = _invites(lanes, best + 1, k, ahead)
+    rules = int(lanes[k, best, 2])
+    agent[A.LANE_TO_THE_LEFT] = 0.0 if rules & KEEPS_LEFT else _invites(lanes, best - 1, k, ahead)
+    agent[A.LANE_TO_THE_RIGHT] = 0.0 if rules & KEEPS_RIGHT else _invites(lanes, best + 1, k, ahead)
     curvature = row[REF_CURVATURE] / (1.0 - row[REF_CURVATURE] * offset)
     agent[A.CURVATURE_PER_M] = curvature
     agent[A.LANE_HEADING_RAD] = agent[A.HEADING_RAD] - row[REF_HEADING] - along * row[REF_CURVATURE] - slope
-    beyond = offset > row[ROAD_LEFT] or offset < row[ROAD_RIGHT]
+    beyond = offset > row[ROAD_LEFT] or offset < row[ROAD_RIGHT] or rules & CLOSED != 0
     before = k == 0 and along < -0.5 * spacing_m
     agent[A.OFF_ROAD] = 1.0 if beyond or before else 0.0

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from policies.exactmath import sincos
+from service.world.sim.projection import CLOSED, KEEPS_LEFT, KEEPS_RIGHT, RESERVED
 from sumo_nets.corridor import Corridor, load_corridor
 
 if TYPE_CHECKING:  # the scenes' module loads polars, which no worker needs
@@ -21,7 +22,8 @@ class Road(NamedTuple):
     """The geometry of a corridor, ready for the kernels."""
 
     reference: np.ndarray  # (stations, 8): columns of service.world.sim.projection
-    # (stations, lanes, 3): left and right boundary offsets (m), NaN where a lane is absent; reserved
+    # (stations, lanes, 3): left and right boundary offsets (m), NaN where a lane is absent; its rules, a sum of
+    # those of service.world.sim.projection
     lanes: np.ndarray
     spacing_m: float  # between stations
 
@@ -53,9 +55,18 @@ def road_of(corridor: Corridor) -> Road:
     bounds = _on_grid(np.stack([corridor.lane_left.T, corridor.lane_right.T], axis=-1), LENGTH_GRID_M)
     return Road(
         np.ascontiguousarray(reference),
-        np.ascontiguousarray(np.concatenate([bounds, corridor.reserved.T[:, :, None]], axis=-1)),
+        np.ascontiguousarray(np.concatenate([bounds, _rules(corridor)], axis=-1)),
         float(corridor.ds_m),
     )
+
+
+def _rules(corridor: Corridor) -> np.ndarray:
+    """(stations, lanes, 1): the sum of a lane's rules."""
+    found = RESERVED * corridor.reserved.astype(np.int64)
+    further = getattr(corridor, "rules", None)  # a recorded road has none
+    if further is not None:
+        found += CLOSED * further.closed + KEEPS_LEFT * further.keeps_left + KEEPS_RIGHT * further.keeps_right
+    return found.T[:, :, None]
 
 
 def i80_road() -> Road:
