@@ -20,6 +20,7 @@ from sumo_nets.curves import Curve, resample, whittaker
 from sumo_nets.errors import EdgesError, NetworkError
 from sumo_nets.rules import Rules, rules_of
 from sumo_nets.stored import stored_lanes
+from sumo_nets.strips import admits
 
 __all__ = ["BUILT_IN", "Corridor", "NetworkError", "built_in_folder", "load_corridor", "read_corridor"]
 
@@ -182,7 +183,7 @@ def read_corridor(path: str | Path, edges: Sequence[str], name: str | None = Non
         for position, lane in enumerate(lanes):
             column = chain.first[i] + position
             sumo_lane[column, edge_index[column] == i] = lane.getIndex()
-            reserved[column, edge_index[column] == i] = not lane.allows("passenger")
+            reserved[column, edge_index[column] == i] = not admits(lane, "passenger")
     rules = rules_of(chain, path, edge_index)
     absent = np.flatnonzero((sumo_lane < 0).all(axis=0))
     if len(absent):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from sumo_nets.chain import open_net
+from sumo_nets.strips import admits
 
 CAR_CLASSES = {"passenger", "private", "hov", "bus", "coach", "truck", "delivery", "taxi", "trailer"}
 
@@ -30,8 +31,7 @@ def lane_shapes(net_path: str | Path) -> list[LaneShape]:
     shapes = []
     for edge in open_net(Path(net_path)).getEdges(withInternal=True):
         for lane in edge.getLanes():
-            allowed = set(lane.getPermissions())
-            if not allowed & CAR_CLASSES:
+            if not any(admits(lane, kind) for kind in CAR_CLASSES):
                 continue
             points = np.array(lane.getShape(), float)[:, :2]
             if len(points) < 2:
@@ -44,7 +44,7 @@ def lane_shapes(net_path: str | Path) -> list[LaneShape]:
                     points,
                     float(lane.getWidth()),
                     float(lane.getSpeed()),
-                    "hov" in allowed and "passenger" not in allowed,
+                    admits(lane, "hov") and not admits(lane, "passenger"),
                 )
             )
     return shapes

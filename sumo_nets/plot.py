@@ -16,6 +16,7 @@ from sumo_nets.chain import open_net
 from sumo_nets.check import distance_to_lane, expected, reference_lines
 from sumo_nets.corridor import BUILT_IN, Corridor, load_corridor
 from sumo_nets.curves import resample
+from sumo_nets.strips import admits
 
 HOV, LANE, AUXILIARY, RAMP = "#f2c14e", "#c9d3dc", "#9fc2a8", "#c8b6d8"
 CAD, OSM = "#b3263a", "#1f5fa8"
@@ -48,7 +49,7 @@ def _surface(net: Any, road: Corridor) -> Iterator[tuple[np.ndarray, float, str]
         lanes = edge.getLanes()
         for lane in lanes:
             colour = LANE if edge.getID() in road.edges else RAMP
-            if edge.getID() in road.edges and not lane.allows("passenger"):
+            if edge.getID() in road.edges and not admits(lane, "passenger"):
                 colour = HOV
             yield np.array(lane.getShape(), float)[:, :2], lane.getWidth(), colour
 

@@ -15,8 +15,8 @@ from sumo_nets.curves import drop_repeats
 from sumo_nets.errors import NetworkError
 
 MOTOR_CLASSES = frozenset(
-    "passenger private hov taxi bus coach delivery truck trailer motorcycle moped evehicle emergency authority army vip"
-    .split()
+    ("passenger", "private", "hov", "taxi", "bus", "coach", "delivery", "truck", "trailer", "motorcycle", "moped",
+     "evehicle", "emergency", "authority", "army", "vip")
 )  # fmt: skip
 SHORTEST_M = 1e-2  # of a lane's drawn line
 
@@ -33,10 +33,8 @@ def strips(edge: Any, path: Path) -> list[Any]:
         )
     for lane in lanes:
         _check(lane, path)
-    first = lanes[-1]
-    lanes = sorted(
-        lanes[::-1], key=lambda lane: -_aside(first, lane)
-    )  # stable: SUMO's order where none is beside
+    as_sumo = lanes[::-1]  # in right-hand traffic; kept where no lane lies beside another
+    lanes = sorted(as_sumo, key=lambda lane: -_aside(as_sumo[0], lane))
     usable = [p for p, lane in enumerate(lanes) if not is_closed(lane)]
     if not usable:
         raise NetworkError(
@@ -48,7 +46,12 @@ def strips(edge: Any, path: Path) -> list[Any]:
 
 def is_closed(lane: Any) -> bool:
     """Whether no motor vehicle may use the lane: a sidewalk, a track, a strip that is painted over."""
-    return MOTOR_CLASSES.isdisjoint(lane.getPermissions())
+    return not any(admits(lane, kind) for kind in MOTOR_CLASSES)
+
+
+def admits(lane: Any, vehicle_class: str) -> bool:
+    """Whether a class of vehicles may use the lane; sumolib takes the word "all" for a class of its own."""
+    return lane.allows(vehicle_class) or lane.allows("all")
 
 
 def points_of(lane: Any) -> np.ndarray:

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import click
 
+from service.world.sim.sumo_check import check_in_sumo
 from sumo_nets.build import build_net, write_sources
 from sumo_nets.check import check as check_net
+from sumo_nets.corridor import load_corridor
 from sumo_nets.plot import plot as plot_net
 
 EDGES = click.option(
@@ -25,8 +27,13 @@ def command() -> None:
 @EDGES
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def check(network: str, edges: tuple[str, ...], as_json: bool) -> None:
-    """Check a network: length, lanes, smoothness, connections; for built-in roads the distance to surveyed lines."""
+    """Check a network: length, lanes, smoothness, connections, whether SUMO can use it.
+
+    For built-in roads the distance to surveyed lines, too.
+    """
     report = check_net(network, list(edges) or None)
+    road = load_corridor(network, list(edges) or None)
+    check_in_sumo(road.net_path, road.edges)
     click.echo(json.dumps(report.to_dict(), indent=2) if as_json else str(report))
     if not report.passed:
         sys.exit(2)

@@ -14,6 +14,7 @@ from service.world.scenario.base import STARTS, base_distribution
 from service.world.scenario.check import check_road
 from service.world.scenario.load import FOLDER, built_in_names, load_scenario
 from service.world.scenario.renamed import to_written
+from service.world.sim.sumo_check import check_in_sumo
 
 
 @click.group()
@@ -55,10 +56,14 @@ def show(scenario: str, as_json: bool) -> None:
 @command.command()
 @click.argument("scenarios", nargs=-1, required=True)
 def check(scenarios: tuple[str, ...]) -> None:
-    """Check scenarios: the file, its values, the road, the drivers' weights. Exit code 2 names what is wrong."""
+    """Check scenarios: the file, its values, the road (SUMO loads it), the drivers' weights.
+
+    Exit code 2 names what is wrong.
+    """
     for name in scenarios:
         scenario = load_scenario(name)
         road = check_road(scenario, name)
+        check_in_sumo(road.net_path, road.edges)
         base = base_distribution(scenario, load_drivers(scenario.drivers.weights))
         open_monitor(scenario, len(scenario.vehicles))
         click.echo(

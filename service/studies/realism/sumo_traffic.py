@@ -23,7 +23,7 @@ class SumoTraffic:
         insert_anyhow: vehicles appear where they are added; otherwise when SUMO finds it safe
         """
         self._corridor = corridor
-        options = [*options_for(corridor, step_s), "--seed", str(seed % 2**31)]
+        options = [*options_for(corridor.net_path, step_s), "--seed", str(seed % 2**31)]
         if insert_anyhow:
             options += ["--insertion-checks", "none"]
         self._hints = lane_hints(corridor)

@@ -23,7 +23,7 @@ SOURCES = Path(__file__).resolve().parents[3]
 NOT_DECISIVE = {"format", "name", "description", "fixed", "network", "drivers.weights", "camera"}
 CAMERA_WEIGHTS = ".onnx"  # the shipped egos with a camera are networks in this format
 # The code of egos that no compiled rollout repeats bit for bit, so that no audit notices when it changes.
-SUMO_CODE = ("service/world/egos/sumo.py", "service/world/sim/sumo.py")
+SUMO_CODE = ("service/world/egos/sumo.py", "service/world/sim/sumo.py", "service/world/sim/drawn_lengths.py")
 CAMERA_CODE = ("policies/egos/vision.py", "service/world/camera/*.py")
 NOT_SEEN_BY_EGOS = ("__init__.py", "export.py", "sheet.py", "start.py")  # of the camera's
 

@@ -12,6 +12,7 @@ import numpy as np
 from policies.drivers import DriverModel
 from policies.egos import EgoPolicy, Observation
 from service.errors import EgoError
+from service.world import agents as A
 from service.world.safety.contact import Contact, contact_of
 from service.world.safety.measure import open_monitor
 from service.world.scenario.base import causes, searched_action_noise, unpack
@@ -264,7 +265,9 @@ class Simulator:
         ego.reset(seed)
         status, ttc = world.observe()
         world.write_poses()
-        sumo.begin(world.poses, seed)
+        looked_at = observer is not None or sumo.tells_speeds
+        speeds = world.agents[: world.vehicles, A.SPEED_MPS] if looked_at else None
+        sumo.begin(world.poses, seed, speeds)
         if self._has_background:
             world.count = sumo.read_background(world.agents, world.vehicles)
             status, ttc = world.observe()
@@ -292,7 +295,7 @@ class Simulator:
             if observer is not None:
                 observer.see(world, observation.time_s, ttc, (acceleration, turn_rate))
             world.advance(acceleration, turn_rate, happens[k])
-            sumo.step(world.poses)
+            sumo.step(world.poses, speeds)
             if self._has_background:
                 world.count = sumo.read_background(world.agents, world.vehicles)
             status, ttc = world.observe()

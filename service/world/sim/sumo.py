@@ -16,6 +16,8 @@ import numpy as np
 
 from service.errors import SimulationError
 from service.world.sim import sumo_background as background_vehicles
+from service.world.sim.drawn_lengths import network_as_drawn, stretch
+from service.world.sim.fcd import FcdWriter
 from service.world.sim.sumo_background import ROUTE, BackgroundTraffic
 from service.world.sim.sumo_library import REFUSALS, close_simulation, open_simulation, options_for
 from sumo_nets.corridor import Corridor
@@ -23,7 +25,7 @@ from sumo_nets.corridor import Corridor
 EXACT = 2  # keepRoute of moveToXY: place the vehicle exactly, whatever the lane
 MATCH_WITHIN_M = 10.0  # lanes further from a vehicle than this are not looked at when it is placed
 UNCHECKED = 0  # speed and lane-change modes: SUMO adds no rules of its own to controlled vehicles
-CONTROLLED_CLASS = "hov"  # may use every lane
+CONTROLLED_CLASS = "ignoring"  # SUMO's class for which no lane's permissions count
 GUI_VIEW = "View #0"
 GUI_ZOOM = 8000.0  # percent
 RARELY_S = 100.0  # SUMO plans a controlled vehicle's own motion this seldom: nobody uses that plan
@@ -60,13 +62,18 @@ class SumoSession:
         self._sizes = list(sizes)
         self._background = background
         self._files: list[str] = []
-        self._options = options_for(corridor, step_s)
-        if fcd is not None:
-            self._options += ["--fcd-output", str(fcd)]
+        network, copy = network_as_drawn(corridor)
+        if copy is not None:
+            self._files.append(str(copy))
+        self._options = options_for(network, step_s)
+        self._fcd = None if fcd is None else FcdWriter(fcd, step_s)
         self._follower = follower
         if follower is not None:
             self._options += ["--additional-files", self._type_file(follower[1])]
         self._followed = gui
+        # SUMO's own idea of a placed vehicle's speed is wrong: it is told where somebody may ask for it
+        self.tells_speeds = bool(background or follower or fcd or gui)
+        self._drawn: dict[str, float] = {}  # metres as drawn in one of SUMO's, by lane
         self._moves: list[tuple[int, str]] = []
         self._hints = lane_hints(corridor)
         try:
@@ -83,6 +90,8 @@ class SumoSession:
         self.close()
 
     def close(self) -> None:
+        if self._fcd is not None:
+            self._fcd.close()
         close_simulation(self)
         self._remove_files()
 
@@ -106,13 +115,13 @@ class SumoSession:
         if self._background is not None:
             background_vehicles.define(self._sumo, self._background)
 
-    def begin(self, poses: np.ndarray, seed: int) -> None:
+    def begin(self, poses: np.ndarray, seed: int, speeds: np.ndarray | None = None) -> None:
         """Start a rollout with all controlled vehicles at `poses` (see service.world.sim.step.advance_all).
 
-        With background traffic SUMO is loaded anew with the rollout's seed; without it nothing in SUMO is random
-        and only the vehicles are replaced.
+        Where SUMO drives, background traffic or an ego, it is loaded anew with the rollout's seed: what is random in it
+        would outlive the rollout. Otherwise nothing in SUMO is random and only the vehicles are replaced.
         """
-        if self._background is not None:
+        if self._background is not None or self._follower is not None:
             self._sumo.load([*self._options, "--seed", str(seed % 2**31)])
             self._prepare()
         else:
@@ -128,13 +137,18 @@ class SumoSession:
         if self._background is not None:
             generator = np.random.Generator(np.random.Philox(key=seed))
             background_vehicles.populate(self._sumo, self._corridor, self._background, generator)
-        self.step(poses)
+        if self._fcd is not None:
+            self._fcd.begin()
+        self.step(poses, speeds)
         if self._followed is not None:
             self._sumo.gui.trackVehicle(GUI_VIEW, self._followed)
             self._sumo.gui.setZoom(GUI_VIEW, GUI_ZOOM)
 
-    def step(self, poses: np.ndarray) -> None:
-        """Place the controlled vehicles at `poses` (vehicles, 4) and advance SUMO by one step."""
+    def step(self, poses: np.ndarray, speeds: np.ndarray | None = None) -> None:
+        """Place the controlled vehicles at `poses` (vehicles, 4) and advance SUMO by one step.
+
+        speeds: (vehicles,) m/s, where SUMO is to have them
+        """
         move = self._sumo.vehicle.moveToXY
         hints = self._hints
         rows = poses.tolist()
@@ -148,7 +162,20 @@ class SumoSession:
             move(name, edge, lane, x, y, angle, EXACT, MATCH_WITHIN_M)
         if gone:
             self._remove_gone(rows)
+        if speeds is None:
+            self._sumo.simulationStep()
+            return
+        told = [(name, max(float(speeds[row]), 0.0)) for row, name in self._moves]
+        for name, speed in told:
+            self._sumo.vehicle.setSpeed(name, speed)
         self._sumo.simulationStep()
+        known = set(self._sumo.vehicle.getIDList())
+        for name, speed in told:
+            if name in known:
+                self._sumo.vehicle.setPreviousSpeed(name, speed)
+        if self._fcd is not None:
+            placed = {name: (rows[row][0], rows[row][1], float(speeds[row])) for row, name in self._moves}
+            self._fcd.see(self._sumo, placed)
 
     def follow_speed(self, vehicle: str, speed_mps: float) -> tuple[float, float, float]:
         """The speed (m/s) that the vehicle's car-following model allows it in the next step behind the vehicle ahead in
@@ -159,15 +186,25 @@ class SumoSession:
         if not ahead or not ahead[0]:
             return math.inf, *limits
         leader, gap_m = ahead
+        room_m = sumo.getMinGap(vehicle)  # which SUMO has taken off the gap
+        gap_m = (gap_m + room_m) * self._stretch(sumo.getLaneID(vehicle)) - room_m
         speed = sumo.getFollowSpeed(
             vehicle, speed_mps, max(gap_m, 0.0), sumo.getSpeed(leader), sumo.getDecel(leader), leader
         )
         return float(speed), *limits
 
+    def _stretch(self, lane_id: str) -> float:
+        if lane_id not in self._drawn:
+            self._drawn[lane_id] = stretch(self._sumo, lane_id)
+        return self._drawn[lane_id]
+
     def _type_file(self, model: str) -> str:
         """A file that tells SUMO of a vehicle type with this car-following model; SUMO has no call for it."""
         with tempfile.NamedTemporaryFile("w", suffix=".add.xml", delete=False) as file:
-            file.write(f'<additional><vType id="{FOLLOWER_TYPE}" carFollowModel="{model}"/></additional>')
+            file.write(
+                f'<additional><vType id="{FOLLOWER_TYPE}" carFollowModel="{model}" '
+                'speedDev="0" speedFactor="1"/></additional>'
+            )
         self._files.append(file.name)
         return file.name
 
@@ -181,7 +218,7 @@ class SumoSession:
 
     def read_background(self, agents: np.ndarray, first: int) -> int:
         """Write the background vehicles into `agents` from row `first`; return the number of rows in use."""
-        return background_vehicles.read(self._sumo, set(self._names), agents, first)
+        return background_vehicles.read(self._sumo, set(self._names), agents, first, self._stretch)
 
 
 def lane_hints(corridor: Corridor) -> list[tuple[str, int]]:

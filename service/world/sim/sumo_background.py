@@ -1,6 +1,7 @@
 """Traffic that SUMO drives around the controlled vehicles: put on the road at the start, read back each step."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,11 +10,12 @@ import numpy as np
 from policies.exactmath import sincos
 from service.errors import SimulationError
 from service.world import agents as A
+from service.world.sim.drawn_lengths import stretch
 from service.world.sim.sumo_library import CONSTANTS as TC
 from sumo_nets.corridor import Corridor
 
 ROUTE = "corridor"  # all of it
-SUBSCRIBED = (TC.VAR_POSITION, TC.VAR_ANGLE, TC.VAR_SPEED, TC.VAR_LENGTH, TC.VAR_WIDTH)
+SUBSCRIBED = (TC.VAR_POSITION, TC.VAR_ANGLE, TC.VAR_SPEED, TC.VAR_LENGTH, TC.VAR_WIDTH, TC.VAR_LANE_ID)
 BACKGROUND_TYPE = "background"
 BACKGROUND_CLASS = "passenger"
 CLEAR_BEFORE_M = 40.0  # background vehicles keep this far from where controlled vehicles can start
@@ -48,9 +50,8 @@ def populate(
         exists = np.flatnonzero(corridor.sumo_lane[lane] >= 0)
         if exists.size < corridor.sumo_lane.shape[1]:
             continue  # ramps and auxiliary lanes stay empty
-        allowed = sumo.lane.getAllowed(_lane_id(corridor, lane, 0))  # empty: everybody
-        if allowed and BACKGROUND_CLASS not in allowed:
-            continue  # a restricted lane (HOV)
+        if any(BACKGROUND_CLASS not in sumo.lane.getAllowed(name) for name in _lane_ids(corridor, lane)):
+            continue  # a lane that is not for everybody (HOV), or for nobody: SUMO then gives an empty list
         mean_gap = max(1000.0 / traffic.density_veh_per_km_lane - MINIMUM_SPACING_M, 1.0)
         at = corridor.length_m - 10.0
         number = 0
@@ -75,14 +76,20 @@ def _add(sumo: Any, corridor: Corridor, speed: float, name: str, lane: int, stat
     start, length = lane_extent(sumo, corridor, edge, sumo_lane)
     within = station_m - start
     route = route_from(sumo, corridor, edge)
+    within /= stretch(sumo, f"{edge}_{sumo_lane}")
     if not 6.0 < within < length - 1.0:
         return  # too close to a junction to stand there
     sumo.vehicle.add(name, route, typeID=BACKGROUND_TYPE, departLane=str(sumo_lane),
                         departPos=f"{within:.2f}", departSpeed="max")  # fmt: skip
 
 
-def read(sumo: Any, controlled: set[str], agents: np.ndarray, first: int) -> int:
-    """Write the vehicles that are not `controlled` into `agents` from row `first`; return the number of rows in use."""
+def read(
+    sumo: Any, controlled: set[str], agents: np.ndarray, first: int, stretched: Callable[[str], float]
+) -> int:
+    """Write the vehicles that are not `controlled` into `agents` from row `first`; return the number of rows in use.
+
+    stretched: metres as drawn in one of SUMO's, of a lane by its id
+    """
     for name in sumo.simulation.getDepartedIDList():
         if name not in controlled:
             sumo.vehicle.subscribe(name, SUBSCRIBED)
@@ -101,7 +108,7 @@ def read(sumo: Any, controlled: set[str], agents: np.ndarray, first: int) -> int
         agents[row, A.X_M] = x - 0.5 * length * cosine
         agents[row, A.Y_M] = y - 0.5 * length * sine
         agents[row, A.HEADING_RAD] = heading
-        agents[row, A.SPEED_MPS] = values[TC.VAR_SPEED]
+        agents[row, A.SPEED_MPS] = values[TC.VAR_SPEED] * stretched(values[TC.VAR_LANE_ID])
         agents[row, A.LENGTH_M] = length
         agents[row, A.WIDTH_M] = values[TC.VAR_WIDTH]
         agents[row, A.ACTIVE] = 1.0
@@ -119,11 +126,13 @@ def route_from(sumo: Any, corridor: Corridor, edge: str) -> str:
 
 
 def lane_extent(sumo: Any, corridor: Corridor, edge: str, lane: int) -> tuple[float, float]:
-    """First station and length (m) of an edge's lane, by SUMO's number of it."""
+    """First station and length (SUMO's m) of an edge's lane, by SUMO's number of it."""
     x, y = sumo.simulation.convert2D(edge, 0.0, lane)
     start, _ = corridor.project(np.array([x]), np.array([y]))
     return float(start[0]), sumo.lane.getLength(f"{edge}_{lane}")
 
 
-def _lane_id(corridor: Corridor, lane: int, station: int) -> str:
-    return f"{corridor.edges[corridor.edge_index[lane, station]]}_{corridor.sumo_lane[lane, station]}"
+def _lane_ids(corridor: Corridor, lane: int) -> list[str]:
+    """SUMO's lanes of a lane that runs through, in driving order."""
+    pairs = zip(corridor.edge_index[lane].tolist(), corridor.sumo_lane[lane].tolist(), strict=True)
+    return [f"{corridor.edges[edge]}_{index}" for edge, index in dict.fromkeys(pairs)]

@@ -14,7 +14,6 @@ import traci
 from libsumo import constants
 
 from service.errors import SimulationError
-from sumo_nets.corridor import Corridor
 
 CONSTANTS = constants
 REFUSALS = (libsumo.TraCIException, traci.TraCIException)  # SUMO knows no such vehicle, and the like
@@ -23,10 +22,10 @@ _owner: object | None = None
 _simulation: Any = None
 
 
-def options_for(corridor: Corridor, step_s: float) -> list[str]:
+def options_for(network: str, step_s: float) -> list[str]:
     """SUMO's options for simulations here: nothing printed, nobody removed for a collision or for standing still."""
     return [
-        "--net-file", corridor.net_path, "--step-length", str(step_s),
+        "--net-file", network, "--step-length", str(step_s),
         "--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true",
         "--collision.action", "none", "--time-to-teleport", "-1",
     ]  # fmt: skip

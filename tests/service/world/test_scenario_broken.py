@@ -180,7 +180,7 @@ BROKEN = {
         f'"{FOLDER}/i80.toml"\nedges = ["a"]\n\n[time]',
         "network.road",
         "i80.toml",
-        "is not a SUMO network that can be read",
+        "is no XML",
     ),
     "a road's name too long": (
         '"i80"\n\n[time]',
