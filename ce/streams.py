@@ -62,8 +62,14 @@ class Stream:
         self._key = (checked_seed(seed), phase, iteration)
         self._last: tuple[int, _Chunk] | None = None
 
-    def draw(self, start: int, stop: int) -> tuple[NDArray[np.float64], NDArray[np.uint64]]:
-        """Rows [start, stop): x (n, d), and a noise seed (n,) for each."""
+    def draw(
+        self, start: int, stop: int, correlated: bool = True
+    ) -> tuple[NDArray[np.float64], NDArray[np.uint64]]:
+        """Rows [start, stop): x (n, d), and a noise seed (n,) for each.
+
+        correlated: False leaves every Normal at its mean, which spares the costliest part where the rest decides
+            whether a row is wanted at all
+        """
         if not 0 <= start <= stop:
             raise OptionsError(f"rows must satisfy 0 <= start <= stop, not [{start}, {stop})")
         proposal = self._proposal
@@ -76,7 +82,7 @@ class Stream:
             if proposal.beta_columns.size:
                 x[into, proposal.beta_columns] = drawn.betas[rows]
             for (at, block), z in zip(proposal.normals, drawn.normals, strict=True):
-                x[into, at : at + block.dim] = block.mean + block.correlator(z[rows])
+                x[into, at : at + block.dim] = block.mean + (block.correlator(z[rows]) if correlated else 0.0)
             for (at, marginal), z in zip(proposal.marginals, drawn.marginals, strict=True):
                 x[into, at] = marginal.from_standard(marginal.shift + z[rows])
         return x, noise_seeds(*self._key, start, stop)

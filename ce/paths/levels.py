@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ce.paths.tree import Fallen
+
 Array = NDArray[np.float64]
 
 # Paths, and different roots among them, that have to have come to a level for it to be aimed at.
@@ -15,42 +17,39 @@ RATIOS = (1.0, 3.0, 10.0, 40.0)
 MOST_PROBABLE = 0.05
 
 
-def reached(value: Array, root: NDArray[np.int64], hits: int = ENOUGH_HITS) -> float:
+def reached(fallen: Fallen, hits: int = ENOUGH_HITS) -> float:
     """The lowest level that enough paths, from enough roots, have come to; +inf for none.
 
-    value: (n,), smallest measures, NaN = failed
-    root: (n,), of each path
+    fallen: where paths came to lower values
     hits: how many paths are enough
     """
-    order = np.argsort(value, kind="stable")
-    order = order[np.isfinite(value[order]) | (value[order] == -np.inf)]
-    if order.size < hits:
-        return float("inf")
-    _, first = np.unique(root[order], return_index=True)
-    if first.size < min(ENOUGH_ROOTS, hits):
-        return float("inf")
-    at = max(hits - 1, int(np.sort(first)[min(ENOUGH_ROOTS, hits) - 1]))
-    return float(value[order[at]])
+    after, before = np.sort(fallen.after), np.sort(fallen.before)
+    came = np.arange(1, after.size + 1) - np.searchsorted(before, after, side="right")
+    for level in np.unique(after[(came >= hits) & ~np.isposinf(after)]):
+        crossed = (fallen.after <= level) & (fallen.before > level)
+        if np.unique(fallen.root[crossed]).size >= min(ENOUGH_ROOTS, hits):
+            return float(level)
+    return float("inf")
 
 
-def to_label(value: Array, root: NDArray[np.int64], gamma: float) -> Array:
+def to_label(fallen: Fallen, gamma: float) -> Array:
     """Levels (k,), falling, at which a round's states are labelled, none below gamma."""
-    found = {max(reached(value, root, k), gamma) for k in LABELLED}
+    found = {max(reached(fallen, k), gamma) for k in LABELLED}
     return np.array(sorted((b for b in found if np.isfinite(b)), reverse=True))
 
 
-def ladder(value: Array, weight: Array, starts: int, aim: float, gamma: float) -> Array:
+def ladder(fallen: Fallen, starts: int, aim: float, gamma: float) -> Array:
     """Levels (L,), falling, of the importance where `aim` is aimed at; below it, where gamma is not reached, one
     more.
 
-    value: (n,), smallest measures of weighted paths
-    weight: (n,), their weights
+    fallen: where weighted paths came to lower values
     starts: that they stand for
     aim: level, in the unit of the measure
     """
-    order = np.argsort(value, kind="stable")
-    order = order[~np.isnan(value[order])]
-    at, p = value[order], np.cumsum(weight[order]) / starts
+    order, other = np.argsort(fallen.after, kind="stable"), np.argsort(fallen.before, kind="stable")
+    at, before = fallen.after[order], fallen.before[other]
+    left = np.concatenate([[0.0], np.cumsum(fallen.weight[other])])[np.searchsorted(before, at, side="right")]
+    p = np.maximum.accumulate((np.cumsum(fallen.weight[order]) - left) / starts)
     p_aim = float(p[np.searchsorted(at, aim, side="right") - 1]) if at.size and at[0] <= aim else 0.0
     levels = {aim}
     for ratio in RATIOS[1:]:

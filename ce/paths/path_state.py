@@ -14,7 +14,7 @@ from ce.paths.path_estimate import Cost, PathEstimate
 from ce.paths.plan import Plan
 from ce.paths.starts import Roots
 from ce.paths.training import Lessons
-from ce.paths.tree import Driven, Recorded
+from ce.paths.tree import Driven, Fallen, joined_falls
 from ce.product import Product
 from ce.results import FailedRollout
 
@@ -112,46 +112,25 @@ class Round(msgspec.Struct, frozen=True):
     population: float
 
 
-class Ends(msgspec.Struct, frozen=True, eq=False):
+class Falls(msgspec.Struct, frozen=True, eq=False):
     """How far the paths of one round have come.
 
-    value: (n,), smallest measures, NaN = failed
-    weight: (n,)
-    root: (n,), of each path
+    fallen: where they came to lower values
     starts: that they stand for
-    record: states at each checkpoint
     """
 
-    value: Array
-    weight: Array
-    root: NDArray[np.int64]
+    fallen: Fallen
     starts: int
-    record: tuple[Recorded, ...] = ()
-
-    def open_states(self, checkpoint: int, gamma: float) -> tuple[NDArray[np.float32], Array]:
-        """Features (k, m, F) of the states there that have not come to gamma, and their weights (k,)."""
-        r = self.record[checkpoint]
-        rows = ~(r.before <= gamma)
-        return r.features[rows], r.weight[rows]
 
 
-def open_states(rounds: Sequence[Ends], checkpoint: int, gamma: float) -> tuple[NDArray[np.float32], Array]:
-    """Features (k, m, F) of all rounds' states there that have not come to gamma, and weights (k,) that add up to the
-    share of paths which they are."""
-    parts = [r.open_states(checkpoint, gamma) for r in rounds if len(r.record) > checkpoint]
-    starts = sum(r.starts for r in rounds)
-    return np.concatenate([f for f, _ in parts]), np.concatenate([w for _, w in parts]) / starts
-
-
-def pooled(rounds: Sequence[Ends]) -> Ends:
+def pooled(rounds: Sequence[Falls]) -> Falls:
     """The paths of several rounds as of one."""
-    first = np.cumsum([0] + [int(r.root.max(initial=-1)) + 1 for r in rounds])
-    return Ends(
-        np.concatenate([r.value for r in rounds]),
-        np.concatenate([r.weight for r in rounds]),
-        np.concatenate([r.root + at for r, at in zip(rounds, first[:-1], strict=True)]),
-        sum(r.starts for r in rounds),
-    )
+    first = np.cumsum([0] + [int(r.fallen.root.max(initial=-1)) + 1 for r in rounds])
+    moved = [
+        msgspec.structs.replace(r.fallen, root=r.fallen.root + at)
+        for r, at in zip(rounds, first[:-1], strict=True)
+    ]
+    return Falls(joined_falls(moved), sum(r.starts for r in rounds))
 
 
 class Sample(msgspec.Struct, frozen=True, eq=False):
@@ -215,7 +194,7 @@ class PathState(msgspec.Struct, frozen=True, eq=False):
     batches: of the estimate
     lessons: what the pilot has taught so far
     rounds: of the pilot
-    ends: how far the paths of the last POOLED rounds have come
+    falls: how far the paths of the last POOLED rounds have come
     naive_f: (n,), smallest measures of its naive paths
     naive_steps: simulated for them
     steps: simulated so far
@@ -238,7 +217,7 @@ class PathState(msgspec.Struct, frozen=True, eq=False):
     batches: int = 0
     lessons: tuple[Lessons, ...] = ()
     rounds: tuple[Round, ...] = ()
-    ends: tuple[Ends, ...] = ()
+    falls: tuple[Falls, ...] = ()
     naive_f: Array = msgspec.field(default_factory=lambda: np.zeros(0))
     naive_steps: int = 0
     steps: int = 0

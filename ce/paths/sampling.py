@@ -25,24 +25,23 @@ from ce.paths.path_estimate import PathEstimate
 from ce.paths.path_options import PathOptions
 from ce.paths.path_state import (
     POOLED,
-    Ends,
+    Falls,
     PathBatch,
     PathState,
     PathTotals,
     Round,
     Sample,
     joined_samples,
-    open_states,
     pooled,
     result,
 )
 from ce.paths.plan import Committor, schedule
 from ce.paths.process import Process
 from ce.paths.simulator import checked_checkpoints
-from ce.paths.starts import all_starts, features_of_starts, kept_starts
+from ce.paths.starts import all_starts, kept_starts, reference_features
 from ce.paths.training import lessons, trained, untrained
-from ce.paths.tree import Driven
-from ce.streams import checked_seed, draw
+from ce.paths.tree import Driven, Fallen
+from ce.streams import checked_seed
 
 Array = NDArray[np.float64]
 
@@ -50,16 +49,14 @@ Array = NDArray[np.float64]
 FIRST_TRAINING, LATER_TRAINING = (10, 4e-3), (5, 3e-3)
 # Starts by which E0 L_b is known, and the stream of the pilot that has them.
 REFERENCE_STARTS, REFERENCE_STREAM = 20_000, 1_000_000
-# Of them, those by which the levels are chosen that a given committor is asked for.
-LEVELS_BY_STARTS = 4000
 # Paths of a batch of the estimate in the middle of the horizon; more budget makes more batches.
 POPULATION = 400.0
 # Of what the pilot leaves, to be planned for.
 PLANNED = 0.97
 # Naive paths are fewer by this where a committor is given and not trained on.
 SHARE_OF_NAIVE = 4
-# Enough hits, this many times, end the pilot; so do this many rounds that come no lower.
-TWICE, STUCK = 2, 6
+# Enough hits, this many times, end the pilot.
+TWICE = 2
 
 
 class PathSampling:
@@ -173,14 +170,13 @@ class PathSampling:
             failed=(*state.failed, *made.failed),
         )
         # The naive round's paths tell of nothing that the first aimed round's do not.
-        earlier = state.ends if state.iteration > TWICE else ()
-        now = Ends(driven.value, driven.weight, driven.root, batch.starts, driven.record)
-        ends = (*earlier, now)[-POOLED:]
-        all_ends = pooled(ends)
-        low = reached(all_ends.value, all_ends.root)
+        earlier = state.falls if state.iteration > TWICE else ()
+        falls = (*earlier, Falls(driven.fallen, batch.starts))[-POOLED:]
+        all_falls = pooled(falls)
+        low = reached(all_falls.fallen)
         aim = max(self.gamma, low if batch.plan is None else min(low, state.aim))
         this = Round(made, state.aim, aim, state.population)
-        state = msgspec.structs.replace(state, ends=ends)
+        state = msgspec.structs.replace(state, falls=falls)
         if batch.plan is None:
             state = msgspec.structs.replace(state, naive_f=driven.value, naive_steps=made.steps)
         state = msgspec.structs.replace(state, aim=aim, rounds=(*state.rounds, this))
@@ -188,13 +184,13 @@ class PathSampling:
             state = self._trained(state, batch, driven)
         if not math.isfinite(aim) and self._trains:
             return self._finished_without(state)
-        levels = ladder(all_ends.value, all_ends.weight, all_ends.starts, aim, self.gamma)
+        levels = ladder(all_falls.fallen, all_falls.starts, aim, self.gamma)
         if not self._trains:
             levels = self._levels_by(state)
-        return self._planned(state, levels, self._over(state))
+        return self._planned(state, levels, self._over(state), batch, driven)
 
     def _trained(self, state: PathState, batch: PathBatch, driven: Driven) -> PathState:
-        labelled = to_label(driven.value, driven.root, self.gamma)
+        labelled = to_label(driven.fallen, self.gamma)
         if labelled.size == 0 or not driven.record:
             return state
         taught = (*state.lessons, lessons(driven.record, labelled, state.seed + state.iteration))
@@ -213,7 +209,7 @@ class PathSampling:
             return len(rounds) > 1
         there = rounds[-1].reached <= self.gamma
         hits = sum(r.totals.hits for r in rounds)
-        stuck = len(rounds) > STUCK and rounds[-1].reached >= rounds[-STUCK].reached > self.gamma
+        stuck = len(rounds) > 4 and rounds[-1].reached >= rounds[-4].reached > self.gamma
         next_round = max((r.totals.steps for r in rounds[1:]), default=0)
         spent = state.training_steps + next_round > o.training_share * o.budget * self._path_steps(state)
         common = len(rounds) == 1 and hits >= TWICE * ENOUGH_HITS
@@ -226,11 +222,11 @@ class PathSampling:
         """Levels of the importance by a committor that was given: where it holds them for as much more probable."""
         committor = self.committor(state)
         assert committor is not None
-        top = reached(state.naive_f, np.arange(state.naive_f.size), 10)
+        top = reached(_naive_falls(state.naive_f), 10)
         if not self.gamma < top < math.inf:
             return np.array([self.gamma])
-        grid = np.linspace(top, self.gamma, 17)
-        hazard = np.minimum(committor.log_hazard(self._reference(state.seed)[:LEVELS_BY_STARTS], grid), 0.0)
+        grid = np.linspace(top, self.gamma, 33)
+        hazard = np.minimum(committor.log_hazard(self._reference(state.seed), grid), 0.0)
         p = np.exp(hazard).mean(axis=0)
         wanted = [int(np.argmin(np.abs(np.log(p) - np.log(p[-1] * ratio)))) for ratio in (40.0, 10.0, 3.0)]
         return np.append(np.unique(grid[[k for k in wanted if k < grid.size - 1]])[::-1], self.gamma)
@@ -238,13 +234,15 @@ class PathSampling:
     @functools.lru_cache(maxsize=1)  # noqa: B019 (one array; the algorithm outlives it anyway)
     def _reference(self, seed: int) -> NDArray[np.float32]:
         """Features of starts drawn from the base, of a stream of their own."""
-        x, seeds = draw(self.base, seed, "train", REFERENCE_STREAM, 0, REFERENCE_STARTS)
-        return features_of_starts(self.process, x, seeds)
+        return reference_features(self.process, seed, REFERENCE_STREAM, REFERENCE_STARTS)
 
     # -- the estimate ----------------------------------------------------------------------------------------
 
-    def _planned(self, state: PathState, levels: Array, final: bool) -> PathState:
-        """The state before the next round, or before the estimate's first batch, as the last rounds' paths tell."""
+    def _planned(
+        self, state: PathState, levels: Array, final: bool, batch: PathBatch, driven: Driven
+    ) -> PathState:
+        """The state before the next round, or before the first batch of the estimate, as the last round's paths
+        tell."""
         committor = self.committor(state)
         if committor is None:
             return self._finished_without(state)
@@ -253,11 +251,10 @@ class PathSampling:
             population, batches = self._sizes(state)
         starts = int(max(population * self.options.starts_a_path, 500))
         hazard = committor.log_hazard(self._reference(state.seed), levels)
-        deepest = max((len(r.record) for r in state.ends), default=0)
         seen = []
-        for k in range(1, deepest):
-            features, weights = open_states(state.ends, k, self.gamma)
-            seen.append((committor.log_hazard(features, levels), weights))
+        for r in driven.record[1:]:
+            open_ = ~(r.before <= self.gamma)
+            seen.append((committor.log_hazard(r.features[open_], levels), r.weight[open_] / batch.starts))
         plan = schedule(
             self.gamma, levels, hazard, self.checkpoints, starts, population, self.options.floor, seen
         )
@@ -270,7 +267,7 @@ class PathSampling:
             iteration=0,
             batches=batches,
             lessons=(),
-            ends=(),
+            falls=(),
         )
 
     def _sizes(self, state: PathState) -> tuple[float, int]:
@@ -301,3 +298,8 @@ class PathSampling:
     def _finished_without(self, state: PathState) -> PathState:
         """The state of a run whose pilot came to no level at all."""
         return msgspec.structs.replace(state, phase="done")
+
+
+def _naive_falls(f: Array) -> Fallen:
+    """Of naive paths, from nothing to their smallest values."""
+    return Fallen.among(np.arange(f.size), np.ones(f.size), np.full(f.size, np.inf), f)

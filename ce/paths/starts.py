@@ -10,7 +10,7 @@ from ce.errors import ResponseError
 from ce.paths import keys
 from ce.paths.plan import Committor, Plan
 from ce.paths.process import Process
-from ce.streams import draw
+from ce.streams import CHUNK, Stream, draw
 
 Array = NDArray[np.float64]
 
@@ -66,15 +66,44 @@ def kept_starts(
 
     ResponseError where the short cut to the features of a start is not to the bit what the state itself has.
     """
-    x, seeds = draw(process.base, seed, phase, iteration, 0, count)
+    stream = Stream(process.base, seed, phase, iteration)
+    parts = [
+        _kept_of(process, committor, plan, stream, at, min(at + CHUNK, count))
+        for at in range(0, count, CHUNK)
+    ]
+    return Roots(*(np.concatenate([getattr(p, name) for p in parts]) for name in Roots.__struct_fields__))
+
+
+def _kept_of(
+    process: Process[Any], committor: Committor, plan: Plan, stream: Stream, start: int, stop: int
+) -> Roots:
+    """Those that are kept of starts [start, stop) of a batch."""
+    lean = bool(getattr(process, "starts_without_normals", False))
+    x, seeds = stream.draw(start, stop, correlated=not lean)
     features = features_of_starts(process, x, seeds)
     chance, floored = plan.kept(plan.log_importance(committor, features))
     rows = np.flatnonzero(keys.start_uniform(seeds) < chance)
-    if getattr(process, "start_features", None) is not None:
-        own = process.features(process.begin(x[rows], seeds[rows]))
+    whole = x[rows]
+    if lean:
+        for i, row in enumerate(rows.tolist()):
+            whole[i] = stream.draw(start + row, start + row + 1)[0][0]
+    if lean or getattr(process, "start_features", None) is not None:
+        own = process.features(process.begin(whole, seeds[rows]))
         if not np.array_equal(own, features[rows]):
             raise ResponseError(
-                "start_features(x, seeds) must give features(begin(x, seeds)) to the bit; "
+                "what is known of a start beforehand (start_features(x, seeds), or features without the Normals of X) "
+                "must be features(begin(x, seeds)) to the bit; "
                 f"the largest difference is {np.max(np.abs(own - features[rows])):.3g}; correct or remove it"
             )
-    return Roots(x[rows], seeds[rows], 1.0 / chance[rows], rows.astype(np.int64), floored[rows])
+    return Roots(whole, seeds[rows], 1.0 / chance[rows], start + rows.astype(np.int64), floored[rows])
+
+
+def reference_features(process: Process[Any], seed: int, iteration: int, count: int) -> NDArray[np.float32]:
+    """Features (n, m, F) of starts [0, count) of a stream of the pilot's."""
+    lean = bool(getattr(process, "starts_without_normals", False))
+    stream = Stream(process.base, seed, "train", iteration)
+    found = []
+    for at in range(0, count, CHUNK):
+        x, seeds = stream.draw(at, min(at + CHUNK, count), correlated=not lean)
+        found.append(features_of_starts(process, x, seeds))
+    return np.concatenate(found)

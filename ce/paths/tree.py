@@ -41,6 +41,37 @@ class Recorded(msgspec.Struct, frozen=True, eq=False):
     after: Array
 
 
+class Fallen(msgspec.Struct, frozen=True, eq=False):
+    """Falls of paths' smallest values between checkpoints: a path comes to level b where after <= b < before.
+
+    root: (n,), of the path
+    weight: (n,), of the path then
+    before: (n,), smallest value so far
+    after: (n,), the lower one
+    """
+
+    root: Rows
+    weight: Array
+    before: Array
+    after: Array
+
+    @classmethod
+    def none(cls) -> "Fallen":
+        """No falls."""
+        return cls(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+
+    @classmethod
+    def among(cls, root: Rows, weight: Array, before: Array, after: Array) -> "Fallen":
+        """Those of these paths that fell."""
+        rows = np.flatnonzero(after < before)
+        return cls(root[rows], weight[rows], before[rows], after[rows])
+
+
+def joined_falls(parts: Sequence[Fallen]) -> Fallen:
+    """All of them, in their order."""
+    return Fallen(*(np.concatenate([getattr(p, n) for p in parts]) for n in Fallen.__struct_fields__))
+
+
 class Driven(msgspec.Struct, frozen=True, eq=False):
     """What roots came to.
 
@@ -53,6 +84,8 @@ class Driven(msgspec.Struct, frozen=True, eq=False):
     value: (k,), its smallest measure; NaN where it failed
     lineage: (k, T) uint64, the keys of its segments, 0 after its end: with x and seed all that a replay needs
     record: one a checkpoint, empty where none was asked for
+    outcome: (k,) int64, how each path ended by the process' own code (`outcomes`), 0 where it tells none
+    fallen: where paths came to lower values, also of those that roulette ended later
     """
 
     events: Array
@@ -64,6 +97,8 @@ class Driven(msgspec.Struct, frozen=True, eq=False):
     value: Array
     lineage: NDArray[np.uint64]
     record: tuple[Recorded, ...] = ()
+    outcome: Rows = msgspec.field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    fallen: Fallen = msgspec.field(default_factory=lambda: Fallen.none())
 
 
 def drive(
@@ -93,12 +128,15 @@ def drive(
     events, hits = np.zeros((n, levels.size)), np.zeros((n, levels.size), dtype=np.int64)
     steps, begun = np.zeros(n, dtype=np.int64), np.ones(n, dtype=np.int64)
     _count(events, hits, root, weight, np.full(n, np.inf), smallest, levels)
-    ends: list[tuple[Rows, Array, Array, NDArray[np.uint64]]] = []
+    falls = [Fallen.among(root, weight, np.full(n, np.inf), smallest)]
+    ends: list[tuple[Rows, Array, Array, NDArray[np.uint64], Rows]] = []
     recorded: list[Recorded] = []
     for k in range(segments):
         alive = process.alive(states)
         ended = np.flatnonzero(~alive)
-        ends.append((root[ended], weight[ended], smallest[ended], lineage[ended]))
+        ends.append(
+            (root[ended], weight[ended], smallest[ended], lineage[ended], _outcomes(process, states)[ended])
+        )
         rows = np.flatnonzero(alive)
         if k and plan is not None and committor is not None and rows.size:
             copies, lighter = _copies(process, states, rows, weight, key, smallest, plan, committor, k)
@@ -121,15 +159,28 @@ def drive(
         before, smallest = smallest, process.measure(states)
         np.add.at(steps, root, process.steps(states))
         _count(events, hits, root, weight, before, smallest, levels)
+        falls.append(Fallen.among(root, weight, before, smallest))
         if features is not None:
             recorded.append(Recorded(features, weight, parent, before, smallest))
         parent = np.arange(root.size)
     else:
-        ends.append((root, weight, smallest, lineage))
+        ends.append((root, weight, smallest, lineage, _outcomes(process, states)))
     at = np.concatenate([e[0] for e in ends])
     order = np.argsort(at, kind="stable")
-    weights, values, lineages = (np.concatenate([e[j] for e in ends])[order] for j in (1, 2, 3))
-    return Driven(events, hits, steps, begun, at[order], weights, values, lineages, tuple(recorded))
+    weights, values, lineages, outcomes = (np.concatenate([e[j] for e in ends])[order] for j in (1, 2, 3, 4))
+    return Driven(
+        events,
+        hits,
+        steps,
+        begun,
+        at[order],
+        weights,
+        values,
+        lineages,
+        tuple(recorded),
+        outcomes,
+        joined_falls(falls),
+    )
 
 
 def joined(parts: Sequence[Driven]) -> Driven:
@@ -160,7 +211,14 @@ def joined(parts: Sequence[Driven]) -> Driven:
         )
         sizes = [part.record[k].weight.size if len(part.record) > k else 0 for part in parts]
         shift = [int(s) for s in np.cumsum([0, *sizes[:-1]])]
-    return Driven(root=root, record=tuple(record), **columns)
+    outcome = np.concatenate([part.outcome for part in parts])
+    fallen = joined_falls(
+        [
+            msgspec.structs.replace(part.fallen, root=part.fallen.root + at)
+            for part, at in zip(parts, first[:-1], strict=True)
+        ]
+    )
+    return Driven(root=root, record=tuple(record), outcome=outcome, fallen=fallen, **columns)
 
 
 def replay(
@@ -176,6 +234,14 @@ def replay(
     for k in range(len(checkpoints) - 1):
         states = process.advance(states, lineage[:, k], checkpoints[k + 1])
     return states
+
+
+def _outcomes(process: Process[Any], states: Any) -> Rows:
+    """How each path stands, by the process' own code, where it tells."""
+    told = getattr(process, "outcomes", None)
+    if told is None:
+        return np.zeros(process.alive(states).size, dtype=np.int64)
+    return np.asarray(told(states), dtype=np.int64)
 
 
 def _copies(

@@ -15,13 +15,18 @@ from service.evaluation.summary import Ending
 UNKNOWN = 254  # code of a value that no recorded rollout has
 
 
-def endings_of(estimate: ce.Estimate, chunks: Iterable[tuple[str, int, Chunk]]) -> tuple[Ending, ...]:
-    """The endings that there were, in the order of their codes; chunks: all of the job, with phase and iteration.
+def endings_of(
+    estimate: ce.Estimate, chunks: Iterable[tuple[str, int, Chunk]], outcomes: np.ndarray | None = None
+) -> tuple[Ending, ...]:
+    """The endings that there were, in the order of their codes.
+
+    chunks: all of the job, with phase and iteration
+    outcomes: codes (n,) of what the estimate is made of, in its order, where the chunks do not say them
 
     An ending is an event like f <= gamma, so that p and its interval come from the same rollouts and weights. Where
     there is none of a kind, there is no line for it.
     """
-    codes = outcomes_of(estimate, list(chunks))
+    codes = outcomes_of(estimate, list(chunks)) if outcomes is None else outcomes
     found = []
     for code in np.unique(codes[codes != UNKNOWN]).tolist():
         other = estimate_of(estimate, codes, code)

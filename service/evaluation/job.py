@@ -11,11 +11,13 @@ from typing import Any
 import msgspec
 
 import ce
+from ce.paths import NetworkCommittor, PathOptions, PathSampling
 from policies.drivers import DriverModel, load_drivers
 from policies.egos import EgoPolicy, ego_digest
 from service.errors import InputError, StoreError
-from service.evaluation.options import options_of
+from service.evaluation.options import PATHS, options_of
 from service.world.egos.open import camera_elsewhere, check_ego, open_ego
+from service.world.paths.process import HighwayPaths, check_paths
 from service.world.safety.measure import open_monitor
 from service.world.scenario.base import base_distribution, dimension
 from service.world.scenario.check import check_road
@@ -40,6 +42,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
     weights_sha256: str = ""  # of the drivers' weights, so that a resumed job is not mixed with others'
     ego_sha256: str = ""  # of the ego's, where it is one of the shipped networks
     name: str = ""  # within its run; empty: its method's
+    committor_sha256: str = ""  # of the committor that the method paths was given; "" where it trains its own
 
     @property
     def id(self) -> str:
@@ -48,7 +51,13 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def make_job(
-    scenario: Scenario, ego: str, gamma: float, method: str, seed: int, options: dict[str, Any]
+    scenario: Scenario,
+    ego: str,
+    gamma: float,
+    method: str,
+    seed: int,
+    options: dict[str, Any],
+    committor_sha256: str = "",
 ) -> Job:
     """A checked job; InputError, ce.CeError or ValueError names what is wrong."""
     if scenario.fixed is not None:
@@ -65,6 +74,7 @@ def make_job(
         seed=seed,
         weights_sha256=_weights_digest(load_drivers(scenario.drivers.weights)),
         ego_sha256=ego_digest(ego),
+        committor_sha256=committor_sha256,
     )
     check_ego(ego)
     open_monitor(scenario, len(scenario.vehicles))
@@ -72,7 +82,11 @@ def make_job(
         check_threshold(scenario.safety.measure, gamma)
     except ValueError as error:
         raise InputError(str(error)) from error
-    ce.algorithm(method, _TINY_BASE, gamma, options_of(method, options))
+    chosen = options_of(method, options)
+    if method == PATHS:
+        check_paths(scenario, ego)
+    else:
+        ce.algorithm(method, _TINY_BASE, gamma, chosen)
     return job
 
 
@@ -98,6 +112,8 @@ def held_bytes(job: Job) -> int:
     """Memory that an open job takes at the scheduler at most: its batch, its algorithm's state, its rollouts' f."""
     options = options_of(job.method, job.options)
     dim = dimension(job.scenario)
+    if isinstance(options, PathOptions):
+        return int(options.population * options.starts_a_path) * 8 * dim
     kept = options.sizes()[2] if isinstance(options, ce.CrossEntropyOptions) else options.budget
     return options.held_rows(dim) * (8 * dim + PER_ROW) + kept * PER_ROLLOUT
 
@@ -133,6 +149,17 @@ class Problem:
     def algorithm(self) -> ce.Algorithm:
         job = self.job
         return ce.algorithm(job.method, self.base, job.gamma, options_of(job.method, job.options))
+
+    @cached_property
+    def paths(self) -> HighwayPaths:
+        """The job's rollouts as paths."""
+        self.check_ego_weights()
+        return HighwayPaths(self.job.scenario, self.corridor, self.drivers, self.job.ego)
+
+    def path_algorithm(self, committor: NetworkCommittor | None) -> PathSampling:
+        """The algorithm of a job of paths; committor: that it was given."""
+        job = self.job
+        return PathSampling(self.paths, job.gamma, options_of(job.method, job.options), committor)
 
     @property
     def stream_seed(self) -> int:

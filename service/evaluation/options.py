@@ -8,6 +8,7 @@ from typing import Any, get_type_hints
 import msgspec
 
 import ce
+from ce.paths import PathOptions
 from service.errors import InputError
 
 # that every method has, and every front door a place of its own for
@@ -27,6 +28,11 @@ FLAGS_OF_CE = (
 )
 
 
+PATHS = "paths"  # the method that drives paths with a committor (`ce.paths`), beside those of ce.METHODS
+METHODS = (*ce.METHODS, PATHS)
+OPTIONS: dict[str, Any] = {**ce.OPTIONS, PATHS: PathOptions}
+
+
 def option_names(method: str) -> tuple[str, ...]:
     """The options of the method beside COMMON; InputError where there is no such method."""
     return tuple(f.name for f in fields(_kind(method)) if f.name not in COMMON)
@@ -35,7 +41,7 @@ def option_names(method: str) -> tuple[str, ...]:
 def not_an_option(method: str, name: str) -> str:
     """What is told of an option that the method has not."""
     known = option_names(method)
-    others = [other for other in ce.METHODS if name in option_names(other)]
+    others = [other for other in METHODS if name in option_names(other)]
     if others:
         return f"method {method} has no option {name!r}; it is one of {', '.join(others)}"
     close = difflib.get_close_matches(name, known, 1)
@@ -52,6 +58,13 @@ def options_of(method: str, options: Mapping[str, Any]) -> Any:
         present = ce.present_options(method, options)
     except TypeError as error:
         raise InputError(f"options of method {method}: {error}") from error
+    if method == PATHS:
+        if present.get("rel_error") is not None:
+            raise InputError(
+                "method paths spends its budget and stops at no precision; leave out rel_error, or give it another "
+                "method"
+            )
+        present = {name: value for name, value in present.items() if name != "rel_error"}
     for name, value in present.items():
         if name not in types:
             raise InputError(not_an_option(method, name))
@@ -84,6 +97,6 @@ def _has(method: str, name: str) -> bool:
 
 
 def _kind(method: str) -> Any:
-    if method not in ce.OPTIONS:
-        raise InputError(f"no method named {method!r}; there are {', '.join(ce.METHODS)}")
-    return ce.OPTIONS[method]
+    if method not in OPTIONS:
+        raise InputError(f"no method named {method!r}; there are {', '.join(METHODS)}")
+    return OPTIONS[method]

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 import numpy as np
 
@@ -15,8 +15,11 @@ from service.evaluation.batches import RecordedBatches
 from service.evaluation.endings import endings_of
 from service.evaluation.evaluate import evaluate
 from service.evaluation.job import Job, Problem
+from service.evaluation.options import PATHS, options_of
+from service.evaluation.path_record import outcomes_of_paths, read_paths
+from service.evaluation.path_store import PathSource
 from service.evaluation.pool import OUTCOME_NAMES
-from service.evaluation.store import ChunkSource
+from service.evaluation.store import Chunk, ChunkSource
 from service.evaluation.summary import Ending
 from service.world.scenario.noise import Noise
 
@@ -68,7 +71,7 @@ class JobRecord:
     estimate_iteration: int
     event_rows: np.ndarray
     event_log_likelihood: np.ndarray
-    explicit: dict[tuple[str, int, int], tuple[np.ndarray, int, float]]
+    explicit: dict[tuple[str, int, int], tuple[np.ndarray, Noise, float]]
     outcomes: dict[str, Counter[str]]
     errors: tuple[tuple[str, int, int, str], ...]  # phase, iteration, row, reason
     endings: tuple[Ending, ...]
@@ -81,6 +84,8 @@ class JobRecord:
     @property
     def planned(self) -> int:
         """Rollouts at most."""
+        if self.job.method == PATHS:
+            return int(options_of(PATHS, self.job.options).budget)
         return self.problem.algorithm.total_rollouts
 
     def redraw(self, phase: str, iteration: int, row: int) -> tuple[np.ndarray, Noise]:
@@ -135,6 +140,8 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
     """
     problem = Problem(job)
     threshold = job.gamma if gamma is None else gamma
+    if job.method == PATHS:
+        return _of_paths(cast(PathSource, store), problem, threshold)
     algorithm = problem.algorithm
     recorded = RecordedBatches(store, job, no_workers)
     state: Any = algorithm.init(problem.stream_seed)
@@ -142,7 +149,7 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
     parameters: dict[BatchKey, np.ndarray] = {}
     rows: dict[int, list[np.ndarray]] = {}
     likelihood: dict[int, list[np.ndarray]] = {}
-    explicit: dict[tuple[str, int, int], tuple[np.ndarray, int, float]] = {}
+    explicit: dict[tuple[str, int, int], tuple[np.ndarray, Noise, float]] = {}
     explicit_batches: set[BatchKey] = set()
 
     def run_batch(batch: ce.Batch) -> np.ndarray:
@@ -177,20 +184,7 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
         estimate = replace(estimate, gamma=threshold)
 
     last = max(rows, default=0)
-    outcomes: dict[str, Counter[str]] = {}
-    errors: list[tuple[str, int, int, str]] = []
-    count, worker_s, steps, in_sumo = 0, 0.0, 0, 0
     chunks = list(store.all_chunks(job.id))
-    for phase, iteration, chunk in chunks:
-        codes, counts = np.unique(chunk.outcomes, return_counts=True)
-        ended = outcomes.setdefault(phase, Counter())
-        for code, times in zip(codes.tolist(), counts.tolist(), strict=True):
-            ended[OUTCOME_NAMES.get(code, f"code {code}")] += times
-        errors += [(phase, iteration, chunk.start + i, reason) for i, reason in sorted(chunk.errors.items())]
-        count += chunk.stop - chunk.start
-        worker_s += chunk.worker_s
-        steps += int(chunk.steps.sum())
-        in_sumo += chunk.driven_in_sumo
     return JobRecord(
         job=job,
         problem=problem,
@@ -202,15 +196,57 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
         event_rows=np.concatenate([np.zeros(0, np.int64), *rows.get(last, [])]),
         event_log_likelihood=np.concatenate([np.zeros(0), *likelihood.get(last, [])]),
         explicit=explicit,
-        outcomes=outcomes,
-        errors=tuple(errors),
         endings=endings_of(estimate, chunks),
-        recorded=count,
-        worker_s=worker_s,
-        sim_s=steps * job.scenario.time.step_s,
-        in_sumo=in_sumo,
         explicit_batches=frozenset(explicit_batches),
+        **_totals(job, chunks),
     )
+
+
+def _of_paths(store: PathSource, problem: Problem, gamma: float) -> JobRecord:
+    """Of a job of paths, whose events are paths (`service.evaluation.path_record`)."""
+    job = problem.job
+    read = read_paths(store, problem, gamma)
+    chunks = list(store.all_chunks(job.id))
+    return JobRecord(
+        job=job,
+        problem=problem,
+        estimate=read.estimate,
+        training=tuple(r for r in read.records if isinstance(r, ce.TrainingRecord)),
+        estimation=tuple(r for r in read.records if isinstance(r, ce.EstimationRecord)),
+        parameters={},
+        estimate_iteration=0,
+        event_rows=np.zeros(0, np.int64),
+        event_log_likelihood=np.zeros(0),
+        explicit=read.events,
+        endings=endings_of(read.estimate, chunks, outcomes_of_paths(store, job.id, read.estimate)),
+        explicit_batches=frozenset((phase, iteration) for phase, iteration, _ in read.events),
+        **_totals(job, chunks),
+    )
+
+
+def _totals(job: Job, chunks: Sequence[tuple[str, int, Chunk]]) -> dict[str, Any]:
+    """What a job's chunks come to together."""
+    outcomes: dict[str, Counter[str]] = {}
+    errors: list[tuple[str, int, int, str]] = []
+    count, worker_s, steps, in_sumo = 0, 0.0, 0, 0
+    for phase, iteration, chunk in chunks:
+        codes, counts = np.unique(chunk.outcomes, return_counts=True)
+        ended = outcomes.setdefault(phase, Counter())
+        for code, times in zip(codes.tolist(), counts.tolist(), strict=True):
+            ended[OUTCOME_NAMES.get(code, f"code {code}")] += times
+        errors += [(phase, iteration, chunk.start + i, reason) for i, reason in sorted(chunk.errors.items())]
+        count += chunk.stop - chunk.start
+        worker_s += chunk.worker_s
+        steps += int(chunk.steps.sum())
+        in_sumo += chunk.driven_in_sumo
+    return {
+        "outcomes": outcomes,
+        "errors": tuple(errors),
+        "recorded": count,
+        "worker_s": worker_s,
+        "sim_s": steps * job.scenario.time.step_s,
+        "in_sumo": in_sumo,
+    }
 
 
 def no_workers() -> NoReturn:

@@ -4,12 +4,17 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from types import TracebackType
+from typing import cast
 
 import ce
+from service.errors import InputError
 from service.evaluation.batches import RecordedBatches
 from service.evaluation.engine import ExecutorPool
 from service.evaluation.evaluate import Observe, evaluate
 from service.evaluation.job import Job, Problem, compiled
+from service.evaluation.options import PATHS, options_of
+from service.evaluation.path_job import evaluate_paths
+from service.evaluation.path_store import PathSource
 from service.evaluation.pool import LocalPool, OpenWorld
 from service.evaluation.store import Chunk, ChunkSource
 from service.evaluation.tolerance import Tolerance
@@ -67,6 +72,17 @@ def evaluate_recorded(
     open_world: what the rollouts run in
     executor: what runs them in place of local workers
     """
+    if job.method == PATHS:
+        if executor is not None:
+            raise InputError(
+                "method paths runs on local workers; leave out the executor, or give another method"
+            )
+        watcher.on_job(job, options_of(PATHS, job.options).budget)
+        if not hasattr(store, "artefacts"):
+            raise InputError("method paths keeps more than chunks of rollouts; give it a run directory")
+        return evaluate_paths(
+            cast(PathSource, store), job, workers, watcher.on_chunk, watcher.on_record, max_failed
+        )
     problem = Problem(job)
     algorithm = problem.algorithm
     watcher.on_job(job, algorithm.total_rollouts)

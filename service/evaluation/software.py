@@ -33,6 +33,8 @@ PARTS = {
         "service/evaluation/evaluate.py",
         "service/evaluation/job.py",
         "service/evaluation/options.py",
+        "service/evaluation/path_job.py",
+        "service/evaluation/path_work.py",
         "service/evaluation/pool.py",
         "service/evaluation/store/draws.py",
     ),

@@ -15,6 +15,7 @@ from service.errors import StoreError, TailroadError
 from service.evaluation.batches import RecordedBatches
 from service.evaluation.evaluate import evaluate
 from service.evaluation.job import Job, Problem, in_sumo
+from service.evaluation.options import PATHS
 from service.evaluation.pool import OUTCOME_CODES, LocalPool, Work
 from service.evaluation.record import EndOfRecord, no_workers
 from service.evaluation.store import Chunk
@@ -59,13 +60,20 @@ class _Sampled:
 
 def verify(name: str, job: Job, rows: Iterable[sa.Row], sample: int, workers: int) -> Verified:
     """Check the record of a job, given as the rows of its chunks by phase, iteration and start, and run `sample` of its
-    rollouts again, drawn evenly and the same ones each time."""
+    rollouts again, drawn evenly and the same ones each time.
+
+    Of a job of paths the chunks alone are looked at; what is kept beside them carries checksums that every read checks.
+    """
     sound = _SoundChunks()
     damage = sound.damage
     try:
         sound.take(rows)
     except StoreError as error:
         damage.append(str(error))
+    if job.method == PATHS:
+        whole = not damage and sound.count > 0
+        told = name, sound.count, sound.rollouts, sound.old, sound.sound_rollouts, sound.sound_rollouts
+        return Verified(*told, finished=whole, again=0, different=0, damage=tuple(damage))
     found = _Replay(sound, sample)
     again = different = 0
     finished = False

@@ -9,6 +9,7 @@ import pytest
 
 import ce
 from ce.paths.levels import ladder, reached
+from ce.paths.tree import Fallen, joined_falls
 from tests.reference.path_problems import WALK, decided_at_once, gaussian, normal_base
 
 PROBLEM = gaussian("random walk", WALK, 3.0)
@@ -192,15 +193,28 @@ def test_one_large_root_widens_the_interval_upwards(finished):
 
 
 def test_levels_follow_what_was_reached_below_zero_too():
+    def falls(value, root):
+        return Fallen.among(root, np.ones(value.size), np.full(value.size, np.inf), value)
+
     value = -np.arange(1000, dtype=np.float64)
     root = np.arange(1000)
-    assert reached(value, root) == -975.0
-    assert reached(value, np.zeros(1000, dtype=np.int64)) == np.inf
-    assert reached(np.full(10, np.nan), np.arange(10)) == np.inf
-    levels = ladder(value, np.ones(1000), 1000, -975.0, -2000.0)
+    assert reached(falls(value, root)) == -975.0
+    assert reached(falls(value, np.zeros(1000, dtype=np.int64))) == np.inf
+    assert reached(falls(np.full(10, np.nan), np.arange(10))) == np.inf
+    levels = ladder(falls(value, root), 1000, -975.0, -2000.0)
     assert levels[-1] < -975.0
     assert list(levels) == sorted(levels, reverse=True)
-    assert ladder(value, np.ones(1000), 1000, -975.0, -975.0)[-1] == -975.0
+    assert ladder(falls(value, root), 1000, -975.0, -975.0)[-1] == -975.0
+
+
+def test_a_level_counts_for_paths_that_were_ended_after_they_had_come_to_it():
+    """Thirty paths fall to 5, then ten of them to 1; the rest ends by roulette and is in no end."""
+    first = Fallen(np.arange(30), np.ones(30), np.full(30, np.inf), np.full(30, 5.0))
+    then = Fallen(np.arange(10), np.full(10, 2.0), np.full(10, 5.0), np.full(10, 1.0))
+    fallen = joined_falls([first, then])
+    assert reached(fallen) == 5.0
+    assert reached(fallen, 10) == 1.0
+    assert ladder(fallen, 100, 1.0, 0.0)[-1] == 1.0
 
 
 def test_what_is_decided_at_the_start_costs_no_splitting():

@@ -67,6 +67,8 @@ def starts_log_likelihood(base: ce.Product, x: np.ndarray) -> float:
 def events_of(record: JobRecord) -> Events:
     """The dangerous rollouts of a job."""
     estimate = record.estimate
+    if isinstance(estimate, ce.PathEstimate):
+        return _of_paths(record)
     if isinstance(estimate, ce.ReplicatedEstimate):
         return _of_chains(record)
     by_row = np.argsort(record.event_rows)
@@ -81,6 +83,31 @@ def events_of(record: JobRecord) -> Events:
         record.event_log_likelihood[by_row],
         np.exp(log_weight),
         normalised(log_weight),
+    )
+
+
+def _of_paths(record: JobRecord) -> Events:
+    """Of the method that drives paths: those with f <= gamma, each with its own weight; replications are batches."""
+    estimate = record.estimate
+    assert isinstance(estimate, ce.PathEstimate)
+    at = np.flatnonzero(estimate.f <= estimate.gamma)
+    batch = estimate.replication[at]
+    rows = at - np.searchsorted(estimate.replication, batch)
+    log_weight = np.zeros(at.size) if estimate.log_weights is None else estimate.log_weights[at]
+    weight = np.exp(log_weight)
+    found = [record.explicit["estimate", b, r] for b, r in zip(batch.tolist(), rows.tolist(), strict=True)]
+    x = np.array([x for x, _, _ in found]).reshape(at.size, record.problem.base.dim)
+    return Events(
+        record,
+        "estimate",
+        batch,
+        rows,
+        estimate.f[at],
+        record.problem.base.log_density(x),
+        weight * estimate.starts,
+        normalised(log_weight),
+        batch,
+        np.bincount(batch, weight, minlength=estimate.batches),
     )
 
 

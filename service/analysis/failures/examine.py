@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from service.analysis.failures.events import CHAINS, Events
+from service.analysis.failures.events import Events
 from service.analysis.failures.kinds import NAMES, kind_of
 from service.analysis.failures.memory import Memory
 from service.analysis.failures.modes import modes_of
@@ -75,9 +75,10 @@ def examine(
 
 
 def sample_of(events: Events, most: int) -> np.ndarray:
-    """The first rows, which are as good a sample as any; of chains, which remember, evenly spread ones."""
+    """The first rows, which are as good a sample as any; of chains and paths, which depend on each other, evenly spread
+    ones."""
     n = len(events)
-    if events.phase != CHAINS or n <= most:
+    if events.replication is None or n <= most:
         return np.arange(min(n, most))
     return np.unique(np.linspace(0, n - 1, most).round().astype(np.int64))
 

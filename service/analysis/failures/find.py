@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import ce
-from service.analysis.failures.events import CHAINS, Events, Order, events_of
+from service.analysis.failures.events import Events, Order, events_of
 from service.analysis.failures.examine import EXAMINED, Examined, Watch, examine, look_away, modes_by_position
 from service.analysis.failures.objects import Failures
 from service.analysis.failures.rerun import Rerunner
@@ -81,10 +81,15 @@ def notes_on(examined: Examined) -> list[str]:
         notes.append("No rollout of the estimation has had f <= gamma.")
     if examined.sample.size < len(events):
         notes.append(
-            f"Modes, shares and their p are of {'the first ' if events.phase != CHAINS else ''}"
+            f"Modes, shares and their p are of {'the first ' if events.replication is None else ''}"
             f"{examined.sample.size} of {len(events)} dangerous rollouts."
         )
-    if isinstance(events.record.estimate, ce.ReplicatedEstimate):
+    if isinstance(events.record.estimate, ce.PathEstimate):
+        notes.append(
+            "The rollouts are paths that were kept and split by their importance: each counts with its own weight, and "
+            f"the intervals of shares come from the spread over {_replications(events)} independent batches."
+        )
+    elif isinstance(events.record.estimate, ce.ReplicatedEstimate):
         notes.append(
             "The rollouts come from Markov chains: each counts with its part of the estimate, and the intervals of "
             f"shares come from the spread over {_replications(events)} independent replications."

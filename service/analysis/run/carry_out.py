@@ -13,6 +13,7 @@ from service.analysis.run.run import Run
 from service.evaluation.cores import core_count
 from service.evaluation.failed_share import MAX_FAILED
 from service.evaluation.job import Job, compiled
+from service.evaluation.path_store import GIVEN
 from service.evaluation.pool import WORLDS, InSumo, OpenWorld
 from service.evaluation.recorded import Watcher, evaluate_recorded
 from service.evaluation.store import Chunk, RunDirectory
@@ -115,16 +116,21 @@ def carry_out(
     open_world: OpenWorld = compiled,
     executor: Executor | None = None,
     new: bool = False,
+    committor: bytes | None = None,
 ) -> Run:
     """Run the jobs in the run directory at `path`, a new one or one of the same jobs, to their end.
 
     new: refuse one that holds a run already; workers: processes (default: one for each core); progress: told how far it
     is; max_failed: TooManyFailures where a larger share of the rollouts fails; open_world: what rollouts run in;
-    executor: where they run instead of in processes of this one's own. Raises Interrupted at Ctrl-C and StoreError
+    executor: where they run instead of in processes of this one's own; committor: that jobs of paths were given.
+    Raises Interrupted at Ctrl-C and StoreError
     where the directory belongs to other jobs.
     """
     opened = RunDirectory.create if new else RunDirectory.open_or_create
     with opened(path, tuple(jobs)) as store:
+        for job in store.jobs:
+            if committor is not None and job.committor_sha256:
+                store.artefacts.keep(job.id, GIVEN, committor)
         return _run_all(store, workers or core_count(), progress, max_failed, open_world, executor)
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from service.analysis.run.carry_out import MAX_FAILED, Tell, carry_out, new_folder, tell_nobody
+from service.analysis.run.committors import committor_from
 from service.analysis.run.question import BUDGET, CONFIDENCE, METHOD, SEED, jobs_of
 from service.analysis.run.run import Run
 from service.evaluation.pool import WORLDS, InSumo
@@ -27,6 +28,7 @@ def estimate(
     measure: str | None = None,
     noise_mode: NoiseMode | None = None,
     options: Mapping[str, Any] | None = None,
+    committor: str | Path | None = None,
     out: str | Path | None = None,
     workers: int | None = None,
     in_sumo: InSumo = "some",
@@ -41,13 +43,14 @@ def estimate(
     ego: a name, a class, a function that makes one, or an ego itself; what no other process can import runs in forks of
         this one alone.
     gamma: threshold of the safety value f, in the measure's unit (s for the time to collision); several: a job each.
-    method: auto, naive, ce, mixture or splitting; several are compared.
+    method: auto, naive, ce, mixture, splitting or paths; several are compared.
     budget: rollouts of each job at most, training included.
     rel_error: stop where the interval's relative half-width is this small.
     confidence: of the interval.
     seed: the same seed gives the same bits.
     measure, noise_mode: in place of the scenario's safety measure and action noise.
     options: of the methods, as in {"rho": 0.1}.
+    committor: what the method paths starts from in place of training one of its own: a run directory of it, or a file.
     out: run directory (default: runs/SCENARIO-EGO-TIME); one of the same question is gone on with, or with `new`
         refused.
     workers: processes (default: one for each core).
@@ -65,6 +68,7 @@ def estimate(
     (0.6, 40)
     """
     name = ego_name(ego)
+    given = None if committor is None else committor_from(committor)
     jobs = jobs_of(
         scenario,
         name,
@@ -77,6 +81,9 @@ def estimate(
         measure=measure,
         noise_mode=noise_mode,
         options=options,
+        committor_sha256="" if given is None else given[0].checksum,
     )
     path = Path(out) if out is not None else new_folder(jobs[0].scenario.name, name)
-    return carry_out(path, jobs, workers, progress, max_failed, WORLDS[in_sumo], executor, new)
+    return carry_out(
+        path, jobs, workers, progress, max_failed, WORLDS[in_sumo], executor, new, given and given[1]
+    )

@@ -6,7 +6,7 @@ from typing import Any
 
 from service.errors import InputError
 from service.evaluation.job import Job, make_job, told_apart
-from service.evaluation.options import COMMON, shared_out
+from service.evaluation.options import COMMON, PATHS, shared_out
 from service.world.egos.open import meet_ego
 from service.world.safety.measure import with_measure
 from service.world.scenario import Scenario, load_scenario
@@ -46,18 +46,25 @@ def jobs_of(
     noise_mode: NoiseMode | None = None,
     options: Mapping[str, Any] | None = None,
     meet: bool = True,
+    committor_sha256: str = "",
 ) -> tuple[Job, ...]:
     """The jobs of a run, checked: one for each method, threshold and seed.
 
     options: of the methods; each goes to those that have it, and one that none of them has is refused
     meet: open the ego once, so that what is wrong with it is told before a job begins
+    committor_sha256: of the committor that the method paths starts from; "" where it trains its own
     """
     asked = scenario_of(scenario, measure, noise_mode)
     methods, gammas, seeds = _each(method, str), _each(gamma, int | float), _each(seed, int)
     own = shared_out(methods, options or {})
     common = dict(zip(COMMON, (budget, rel_error, confidence), strict=True))
+    if committor_sha256 and PATHS not in methods:
+        raise InputError(f"a committor is for the method {PATHS}; add it, or leave out the committor")
     jobs = [
-        make_job(asked, ego, float(g), m, s, common | own[m]) for m in methods for g in gammas for s in seeds
+        make_job(asked, ego, float(g), m, s, common | own[m], committor_sha256 if m == PATHS else "")
+        for m in methods
+        for g in gammas
+        for s in seeds
     ]
     if meet:
         meet_ego(ego, asked, check_road(asked, asked.name))

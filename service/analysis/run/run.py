@@ -32,6 +32,7 @@ from service.analysis.severity.severe import SPEEDS_MPS
 from service.errors import InputError
 from service.evaluation.endings import endings_of
 from service.evaluation.job import Job, Problem
+from service.evaluation.path_record import outcomes_of_paths
 from service.evaluation.pool import OUTCOME_NAMES
 from service.evaluation.record import JobRecord
 from service.evaluation.store import RunDirectory
@@ -75,7 +76,7 @@ class Run:
     def endings(self) -> dict[str, tuple[Ending, ...]]:
         """How each job's rollouts ended, with probabilities by the weights of its estimate, by id."""
         with RunDirectory.open(self.path) as store:
-            return {job.id: endings_of(self.results[job.id], store.all_chunks(job.id)) for job in self.jobs}
+            return {job.id: _endings(store, job, self.results[job.id]) for job in self.jobs}
 
     @property
     def estimate(self) -> Estimated:
@@ -181,6 +182,11 @@ class Run:
     def replay(self, rank: int, by: Order = "likelihood", job: str | None = None) -> "Replay":
         """The dangerous rollout at that rank of `failures`, to be looked at."""
         return Replay(self.path, record_of(self.path, job)[0], rank, by)
+
+
+def _endings(store: RunDirectory, job: Job, estimate: ce.Estimate) -> tuple[Ending, ...]:
+    outcomes = outcomes_of_paths(store, job.id, estimate) if isinstance(estimate, ce.PathEstimate) else None
+    return endings_of(estimate, store.all_chunks(job.id), outcomes)
 
 
 def estimated(job: Job, estimate: ce.Estimate, cost: Cost, endings: tuple[Ending, ...]) -> Estimated:

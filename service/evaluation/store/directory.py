@@ -55,7 +55,7 @@ class RunDirectory(Closing):
             raise StoreError(f"{error}; check the folder, or start a new run with another --out") from error
         self._record = ChunkRecord(self._engine)
         self._beginnings = Beginnings(self._engine)
-        self.artefacts = ArtefactRecord(self._engine)
+        self._artefacts = ArtefactRecord(self._engine)
 
     @classmethod
     def create(cls, path: Path, jobs: tuple[Job, ...]) -> "RunDirectory":
@@ -212,6 +212,11 @@ class RunDirectory(Closing):
             "asks for: seed, scenario, weights, options or software are not those the run was begun with; put them "
             "back, or start a new run with another --out"
         )
+
+    @property
+    def artefacts(self) -> ArtefactRecord:
+        """What jobs keep beside their chunks."""
+        return self._artefacts
 
     @property
     def record(self) -> ChunkRecord:

@@ -8,12 +8,12 @@ import msgspec
 from rich.console import Console
 from rich.table import Table
 
-import ce
 from service.analysis.comparison.objects import Comparison, ModeChange, Pair
 from service.analysis.failures.examine import EXAMINED
 from service.analysis.run import Interrupted, compare
 from service.analysis.wording import quantity, significant
 from service.evaluation.cores import core_count
+from service.evaluation.options import METHODS
 from service.front.cli.ego_options import ego_option
 from service.front.cli.main import INTERRUPTED
 from service.front.cli.options import finite, json_option, seed_option, workers_option
@@ -26,7 +26,7 @@ from service.front.cli.tables import folded, side_by_side, whole
 @ego_option(multiple=True)
 @click.option("--gamma", type=float, callback=finite, help="The event is f <= GAMMA, in the measure's unit.  "
               "[RUN...: default: their own]")  # fmt: skip
-@click.option("--method", type=click.Choice(ce.METHODS), help="SCENARIO: how p is estimated.  [default: naive]  "
+@click.option("--method", type=click.Choice(METHODS), help="SCENARIO: how p is estimated.  [default: naive]  "
               "RUN...: which of their jobs.  [default: one that all have]")  # fmt: skip
 @click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True,
               help="SCENARIO: rollouts of each ego at most.")  # fmt: skip

@@ -10,14 +10,13 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-import ce
 from service.analysis.run import Interrupted, estimate
 from service.analysis.run import resume as go_on
 from service.analysis.run.question import METHOD
 from service.analysis.wording import quantity, treatment
 from service.errors import InputError, WorkerError
 from service.evaluation.cores import core_count
-from service.evaluation.options import FLAGS_OF_CE
+from service.evaluation.options import FLAGS_OF_CE, METHODS
 from service.evaluation.pool import InSumo
 from service.front.cli.ego_options import ego_option
 from service.front.cli.main import INTERRUPTED
@@ -47,7 +46,7 @@ NOT_PRECISE = 3
     help="The event is f <= GAMMA, in the measure's unit; required for a new run.",
 )
 @scenario_options()
-@click.option("--method", "methods", multiple=True, type=click.Choice(ce.METHODS), help="Once for each method wanted; "
+@click.option("--method", "methods", multiple=True, type=click.Choice(METHODS), help="Once for each method wanted; "
               "several are compared.  [default: auto]")  # fmt: skip
 @method_options(budget="Rollouts of each method at most, training included.")
 @click.option("--iterations", type=click.IntRange(1), help="ce: K.")
@@ -64,6 +63,8 @@ NOT_PRECISE = 3
               help="ce: how far each driver weight's mean may move.  [default: 0.01]")  # fmt: skip
 @click.option("--max-kl", type=click.FloatRange(0, min_open=True), callback=finite,
               help="ce: how far the proposal may move from the base, in nats.  [default: no limit]")  # fmt: skip
+@click.option("--committor", type=click.Path(exists=True, path_type=Path), help="paths: start from the committor of "
+              "this run directory or file; none is trained.")  # fmt: skip
 @workers_option()
 @seed_option()
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="Run directory.  "

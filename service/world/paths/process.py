@@ -4,6 +4,7 @@ import numpy as np
 
 import ce
 from policies.drivers import DriverModel
+from service.errors import InputError
 from service.world.paths.begin import begin, layout_of
 from service.world.paths.drive import drive_all
 from service.world.paths.features import features_of
@@ -16,14 +17,31 @@ from service.world.scenario.noise import PathNoise
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
 from service.world.sim.rollout import OUTCOMES
-from service.world.sim.without_sumo import WithoutSumo
+from service.world.sim.without_sumo import MEASURES, WithoutSumo, can_leave_out_sumo, compiled_egos
 from sumo_nets.corridor import Corridor
 
 CHECKPOINT_S = 0.5  # between checkpoints
 
 
+def check_paths(scenario: Scenario, ego: str) -> None:
+    """InputError, by name, where the rollouts of a scenario with this ego cannot be driven as paths."""
+    if scenario.drivers.noise_mode != "drawn":
+        raise InputError(
+            f"paths draw the drivers' noise on the way, and scenario {scenario.name} has noise_mode "
+            f'"{scenario.drivers.noise_mode}"; give --noise-mode drawn, or another method'
+        )
+    if not can_leave_out_sumo(scenario, ego):
+        raise InputError(
+            f"paths need states that can be copied, which scenario {scenario.name} with ego {ego!r} has not: what has "
+            f"them are the compiled egos ({', '.join(compiled_egos())}), with the measures {' and '.join(MEASURES)}, "
+            "without background traffic; give another method"
+        )
+
+
 class HighwayPaths:
     """The paths of one scenario; checkpoints: steps at which paths are looked at, 0 first, the horizon last."""
+
+    starts_without_normals = True  # features of a start do not depend on the drivers' weights xi
 
     def __init__(
         self,
@@ -34,6 +52,7 @@ class HighwayPaths:
         checkpoint_s: float = CHECKPOINT_S,
     ):
         """InputError where the scenario or the ego needs SUMO."""
+        check_paths(scenario, ego)
         self._scenario = scenario
         self._alone = WithoutSumo(scenario, corridor, drivers, ego)
         self._layout = layout_of(scenario)

@@ -40,6 +40,11 @@ def is_compiled(ego: str) -> bool:
     return ego == "idm" or (weights is not None and weights.suffix == LIDAR)
 
 
+def compiled_egos() -> list[str]:
+    """The names of all compiled egos that are shipped."""
+    return [name for name in ego_names() if is_compiled(name)]
+
+
 def can_leave_out_sumo(scenario: Scenario, ego: str) -> bool:
     """Whether this scenario's rollouts with this ego need no SUMO."""
     return is_compiled(ego) and scenario.safety.measure in MEASURES and scenario.background is None
@@ -89,10 +94,9 @@ class WithoutSumo(Closing):
     def __init__(self, scenario: Scenario, corridor: Corridor, drivers: DriverModel, ego: str):
         """InputError where the scenario or the ego needs SUMO."""
         if not can_leave_out_sumo(scenario, ego):
-            compiled = [name for name in ego_names() if is_compiled(name)]
             raise InputError(
                 f"scenario {scenario.name} with ego {ego!r} needs SUMO: what can do without are the egos "
-                f"{', '.join(compiled)}, with the measures {' and '.join(MEASURES)}, without background traffic"
+                f"{', '.join(compiled_egos())}, with the measures {' and '.join(MEASURES)}, without background traffic"
             )
         self._scenario = scenario
         network = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
