@@ -20,6 +20,7 @@ from service.studies.reproduce.plans import BLACK_BOX, PLANS, Plan, plans_of
 from service.studies.reproduce.qualitative import qualitative_page
 from service.studies.reproduce.scale_page import scale_page
 from service.studies.reproduce.sizes import SCALES
+from service.studies.reproduce.verdict import verdict_page
 
 WORLDS_TITLE = "Other worlds: the whole 2 km, another road, another's ego, a black box"
 FLEET = tuple(name for name in PLANS if name != "worlds")  # its black box is on this machine
@@ -27,7 +28,7 @@ REPORT_EVERY_S = 60.0  # where standard error is no terminal
 
 
 @click.command()
-@click.argument("name", type=click.Choice((*PLANS, "qualitative", "scale", "peers")))
+@click.argument("name", type=click.Choice((*PLANS, "qualitative", "verdict", "scale", "peers")))
 @click.option("--scale", type=click.Choice(SCALES), default="small", show_default=True,
               help="smoke: seconds; small: minutes; medium: an hour; large: hours; paper: the sizes of the "
               "paper.")  # fmt: skip
@@ -66,6 +67,7 @@ def command(
     beyond       our estimators at equal total cost, down to p = 1e-6
     qualitative  what was learned, how the ego fails, films
     worlds       the whole 2 km, another road, another's ego, a black box
+    verdict      five egos: contacts, severity, what people would have prevented
     scale        local cores measured, larger fleets played
     peers        other simulators, installed and timed beside ours
 
@@ -89,6 +91,8 @@ def command(
             with progress_bar() as bar:
                 watch = _watch(bar, bar.add_task(name, total=None, note=""), 0)
                 page = qualitative_page(scale, seed, out, pages, workers, sumo, watch, command_line)
+        elif name == "verdict":
+            page = verdict_page(scale, seed, out, workers, lambda what: stderr.print(what), command_line)
         elif name == "peers":
             page = peers_page(scale, out, command_line, lambda what: stderr.print(what))
         else:
