@@ -7,6 +7,8 @@ TailroadError                 everything that a user can put right; its text say
 ├── EgoError                  the ego policy failed or answered nonsense (recorded with the rollout)
 ├── TooManyFailures           more rollouts failed than the job tolerates
 ├── StoreError                a run directory that is not one, is damaged, or belongs to another job
+│   ├── StoreOutage           the database does not answer now, and may later
+│   └── Superseded            another scheduler has taken the database over: this one writes no more
 └── WorkerError               no worker process can start
 """
 
@@ -45,6 +47,14 @@ class TooManyFailures(TailroadError):
 
 class StoreError(TailroadError):
     """A run directory that cannot be used."""
+
+
+class StoreOutage(StoreError):
+    """A database that does not answer now."""
+
+
+class Superseded(StoreError):
+    """Another scheduler has taken over."""
 
 
 class WorkerError(TailroadError):

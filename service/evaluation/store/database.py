@@ -8,14 +8,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
-from sqlalchemy.exc import ArgumentError, NoSuchModuleError, SQLAlchemyError
+from sqlalchemy.exc import ArgumentError, NoSuchModuleError, OperationalError, SQLAlchemyError
 
-from service.errors import StoreError
+from service.errors import StoreError, StoreOutage, Superseded
 from service.evaluation.store import tables
 
+SQLITE_HEAD = b"SQLite format 3\x00"
+SCHEDULER = "scheduler"  # the lease of who may write to a fleet's database
 LOCK_WAIT_S = 5.0  # for another process that writes to the same SQLite file
 _MIGRATION_LOCK = 0x7461696C  # any number: PostgreSQL's advisory lock while the schema is made
 
@@ -74,9 +77,32 @@ def _begin(connection: sa.Connection) -> None:
 
 @contextmanager
 def writing(engine: sa.Engine) -> Iterator[sa.Connection]:
-    """A transaction that will write: it waits for other writers before it reads anything."""
+    """A transaction that will write: it waits for other writers before it reads anything.
+
+    Superseded where the engine is fenced (`fence`) and another scheduler has claimed the database since.
+    """
     with engine.connect().execution_options(writes=True) as connection, connection.begin():
+        if engine in _EPOCHS:
+            _check_epoch(engine, connection)
         yield connection
+
+
+_EPOCHS: WeakKeyDictionary[sa.Engine, int] = WeakKeyDictionary()
+
+
+def fence(engine: sa.Engine, epoch: int) -> None:
+    """Have every write from now on look whether this is still the scheduler's epoch, in its own transaction."""
+    _EPOCHS[engine] = epoch
+
+
+def _check_epoch(engine: sa.Engine, connection: sa.Connection) -> None:
+    query = sa.select(tables.leases.c.epoch, tables.leases.c.holder).where(tables.leases.c.name == SCHEDULER)
+    row = connection.execute(query.with_for_update(read=True)).first()  # a claim waits for this transaction
+    if row is None or row.epoch != _EPOCHS[engine]:
+        holder = "another scheduler" if row is None else f"the scheduler of {row.holder}"
+        raise Superseded(
+            f"{holder} has taken over {shown(engine)}; this one ends: what it has recorded is in the database"
+        )
 
 
 def read_rows(engine: sa.Engine, query: sa.Select) -> list[sa.Row]:
@@ -85,7 +111,27 @@ def read_rows(engine: sa.Engine, query: sa.Select) -> list[sa.Row]:
         with engine.connect() as connection:
             return list(connection.execute(query))
     except SQLAlchemyError as error:
-        raise StoreError(f"cannot read {shown(engine)}: {reason(error)}") from error
+        raise cannot_read(engine, error) from error
+
+
+def cannot_read(engine: sa.Engine, error: Exception) -> StoreError:
+    """What is told of it: StoreOutage where another try may go well."""
+    kind = StoreOutage if isinstance(error, OperationalError) else StoreError
+    return kind(f"cannot read {shown(engine)}: {reason(error)}")
+
+
+def check_sqlite_file(engine: sa.Engine) -> None:
+    """StoreError where the file is gone or is no database any more: connections that are open do not notice."""
+    name = str(engine.url.database or "")
+    if name in ("", ":memory:"):
+        return
+    try:
+        with Path(name).open("rb") as file:
+            head = file.read(len(SQLITE_HEAD))
+    except OSError as error:
+        raise StoreError(f"cannot read {name}: {error.strerror}") from error
+    if head != SQLITE_HEAD:
+        raise StoreError(f"{name} is damaged: it is no SQLite database any more; take it from a copy")
 
 
 def insert_once(engine: sa.Engine, table: sa.Table) -> postgresql.Insert | sqlite.Insert:

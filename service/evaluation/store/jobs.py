@@ -18,6 +18,7 @@ from service.evaluation.store.chunk import Chunk, Origin, checksum_of, same_chec
 from service.evaluation.store.claim import Claim
 from service.evaluation.store.database import (
     LOCK_WAIT_S,
+    check_sqlite_file,
     insert_once,
     open_engine,
     read_rows,
@@ -120,6 +121,13 @@ class JobStore(Closing):
     def claim(self) -> Claim:
         """Make sure that no other scheduler works on this database; StoreError where one does."""
         return Claim(self._engine)
+
+    def check(self) -> None:
+        """StoreError where the database cannot be read now, or is not one any more."""
+        if self._engine.dialect.name == "sqlite":
+            check_sqlite_file(self._engine)
+        for table in (jobs, events, chunks):
+            self._read(sa.select(table).limit(1))
 
     # -- jobs and what they tell -----------------------------------------------------------------------------
 

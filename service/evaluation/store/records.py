@@ -9,7 +9,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from service.errors import StoreError
 from service.evaluation.store.chunk import Chunk, Origin, chunk_of, row_of
-from service.evaluation.store.database import add_to_tally, insert_once, reason, shown, writing
+from service.evaluation.store.database import add_to_tally, cannot_read, insert_once, reason, shown, writing
 from service.evaluation.store.tables import chunks, tallies, voids
 
 _KEY = ("job", "phase", "iteration", "start", "epoch")
@@ -114,4 +114,4 @@ class ChunkRecord:
             with self._engine.connect() as connection:
                 yield from connection.execute(query.execution_options(yield_per=256))
         except (SQLAlchemyError, UnicodeError) as error:
-            raise StoreError(f"cannot read {shown(self._engine)}: {reason(error)}") from error
+            raise cannot_read(self._engine, error) from error

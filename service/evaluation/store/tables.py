@@ -1,5 +1,5 @@
 """The tables of a record, the same in SQLite and PostgreSQL. Rows are added, never changed or removed, but for tallies,
-which count them.
+which count them, and for the lease of the scheduler.
 
 A chunk counts unless it is voided: a chunk of a worker that was found wrong is voided, and run again in the job's next
 epoch. Of iterations the last row counts. States only spare a replay: what they say follows from the chunks, and
@@ -8,7 +8,7 @@ one that does not match them is replaced.
 
 import sqlalchemy as sa
 
-VERSION = "0009"  # the newest of migrations/versions
+VERSION = "0010"  # the newest of migrations/versions
 
 metadata = sa.MetaData()
 
@@ -142,4 +142,14 @@ artefacts = sa.Table(
     _key("name"),
     sa.Column("data", sa.LargeBinary, nullable=False),
     sa.Column("checksum", sa.Text, nullable=False),  # of job, name and data
+)
+
+leases = sa.Table(
+    "leases",
+    metadata,
+    _key("name"),  # of what is held: "scheduler"
+    sa.Column("epoch", sa.Integer, nullable=False),  # one more with each claim: an earlier one writes no more
+    sa.Column("holder", sa.Text, nullable=False),  # host and process, for people
+    sa.Column("since", sa.Float, nullable=False),  # s, of the database's clock; so is the next
+    sa.Column("until", sa.Float, nullable=False),  # renewed while the holder lives
 )

@@ -126,16 +126,19 @@ def command(
         seen = metrics_of(fleet, api.metrics, stack)
         stack.callback(Api(session, fleet, api.offered, limits, seen).close)
         here = from_here(listen[0])
-        if procs > 0:
-            stack.callback(_local_worker(here, procs, worker_config).stop)
+        helpers = [_local_worker(here, procs, worker_config)] if procs > 0 else []
         if dashboard != OFF:
-            stack.callback(_dashboard(here, dashboard, dashboard_config).stop)
+            helpers.append(_dashboard(here, dashboard, dashboard_config))
+        for helper in helpers:
+            stack.callback(helper.stop)
         click.echo(f"serving on {', '.join(listen)}, {procs} local worker processes", err=True)
         stopping.wait()
         click.echo("stopping: what is being run is finished first", err=True)
+        for helper in helpers:
+            helper.begin_to_stop()
     if died.is_set():
         raise TailroadError(
-            "the scheduler ended by an error of its own, told above; nothing recorded is lost: start it again"
+            "the scheduler ended, for the reason told above; nothing recorded is lost: start it again"
         )
 
 

@@ -46,7 +46,11 @@ def command(
     name = name or _default_name()
     if not (1 <= len(name) <= 64 and set(name) <= NAME_LETTERS):
         raise click.BadParameter(f"{name!r}: use up to 64 letters, digits, '-' and '_'", param_hint="--name")
-    with client_session(list(connect), zenoh_config) as session:
+
+    def report(line: str) -> None:
+        click.echo(f"worker {name}: {line}; trying on", err=True)
+
+    with client_session(list(connect), zenoh_config, report=report) as session:
         connection = WorkerConnection(session, name)
         worker = Worker(
             name, capabilities(procs or core_count()), connection, lambda line: click.echo(line, err=True)

@@ -75,7 +75,7 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
         try:
             found = await job.named(site, name)
         except NoAnswer:
-            return {"job": name, "title": name}  # its parts come when the service is back
+            return {"job": name, "title": "Job"}  # its parts come when the service is back
         return {"job": name, "title": found.label or name}
 
     async def failures_page(request: Request) -> Response:
@@ -94,7 +94,6 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
     async def rollout_page(request: Request) -> Response:
         asked = rollout.Asked(request)
         values = await known_job(request) | {"asked": asked, "formats": rollout.FORMATS}
-        values |= {name: request.query_params.get(name, "")[:100] for name in ("rank", "mode")}
         return await site.page(request, "rollout.html", rollout.PARTS, values)
 
     async def submit_page(request: Request) -> Response:

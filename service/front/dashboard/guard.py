@@ -5,12 +5,13 @@ user's own browser: names that were made to point at this machine (DNS rebinding
 of other sites by Origin and Sec-Fetch-Site, scripts in what the service tells by the content security policy.
 """
 
-import ipaddress
 from collections.abc import Iterable
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from service.remote.api.hosts import host_name, is_address
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
@@ -64,7 +65,7 @@ class Guard:
         """Status and reason, where the request may not pass."""
         hosts = headers.getlist("host")
         name = host_name(hosts[0]) if len(hosts) == 1 else None
-        if name is None or not (name in self._names or _is_address(name)):
+        if name is None or not (name in self._names or is_address(name)):
             return 421, (
                 "This address is not one that the dashboard answers for. Use localhost or the machine's IP address, or "
                 "start it with --name NAME."
@@ -82,23 +83,3 @@ class Guard:
         if self._read_only:
             return 403, "This dashboard is read-only: it was started with --read-only."
         return None
-
-
-def host_name(host: str) -> str | None:
-    """The name or address of a Host header, without its port; None where it is not one."""
-    if host.startswith("["):
-        name, _, port = host[1:].partition("]")
-        port = port.removeprefix(":")
-    else:
-        name, _, port = host.partition(":")
-    if not name or (port and not (port.isascii() and port.isdigit())):
-        return None
-    return name.lower().rstrip(".")
-
-
-def _is_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True

@@ -116,7 +116,11 @@ class Live:
         self._soon(self._tell_link, here)
 
     def close(self) -> None:
+        """End the streams; from any thread, and from a signal's handler."""
         self._stopping.set()
+        self._soon(self._wake_all)
+
+    def _wake_all(self) -> None:
         for listener in self._listeners:
             listener.woken.set()
 

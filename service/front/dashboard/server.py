@@ -4,11 +4,13 @@ import asyncio
 import logging
 import socket
 from collections.abc import Sequence
+from types import FrameType
 
 import uvicorn
 
 from service.errors import InputError
 from service.front.dashboard.app import make_app
+from service.front.dashboard.impatient import ImpatientProtocol
 from service.front.dashboard.link import Link
 from service.front.dashboard.live import Live, Rates
 from service.front.dashboard.site import Site
@@ -17,6 +19,18 @@ from service.remote.client import Client
 log = logging.getLogger("tailroad.dashboard")
 
 DRAIN_S = 1  # for pages that are being answered when it ends
+
+
+class _Server(uvicorn.Server):
+    """Ends the event streams when it is told to stop, so that open pages do not hold it up."""
+
+    def __init__(self, config: uvicorn.Config, live: Live):
+        super().__init__(config)
+        self._live = live
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        self._live.close()
+        super().handle_exit(sig, frame)
 
 
 class Dashboard:
@@ -42,8 +56,9 @@ class Dashboard:
             timeout_graceful_shutdown=DRAIN_S,
             limit_concurrency=500,
             h11_max_incomplete_event_size=65536,
+            http=ImpatientProtocol,
         )
-        self._server = uvicorn.Server(config)
+        self._server = _Server(config, self._live)
 
     def run(self) -> None:
         """Until `stop`, or until a signal where this is the main thread."""

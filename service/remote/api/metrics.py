@@ -1,18 +1,23 @@
 """Prometheus metrics of a service, by choice (`tailroad serve --metrics HOST:PORT`)."""
 
+import socket
 import threading
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from wsgiref.simple_server import WSGIServer
+from typing import Any
+from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
 
-from prometheus_client import CollectorRegistry, Counter, Histogram, start_http_server
+from prometheus_client import CollectorRegistry, Counter, Histogram, make_wsgi_app
 from prometheus_client.core import GaugeMetricFamily
+from prometheus_client.exposition import ThreadingWSGIServer
 from prometheus_client.registry import Collector
 
 from service.errors import InputError
 from service.evaluation.store.jobs import Event
+from service.remote.api.hosts import host_name, is_address
 from service.remote.fleet.service import Fleet
 
+REQUEST_S = 10.0  # in which a request must have come
 SCRAPE_S = 5.0  # in which a scheduler that is well answers
 
 
@@ -82,7 +87,7 @@ class Metrics(Collector):
         if not (port.isascii() and port.isdigit() and 0 < int(port) < 65536):
             raise InputError(f"--metrics {address}: give HOST:PORT, or PORT for this machine alone")
         try:
-            return Server(*start_http_server(int(port), host.strip("[]") or "127.0.0.1", self.registry))
+            return Server(_listening(int(port), host.strip("[]") or "127.0.0.1", self.registry))
         except OSError as error:
             raise InputError(f"--metrics {address}: {error.strerror or error}") from error
 
@@ -90,10 +95,39 @@ class Metrics(Collector):
 class Server:
     """The HTTP server of the metrics."""
 
-    def __init__(self, server: WSGIServer, thread: threading.Thread):
-        self._server, self._thread = server, thread
+    def __init__(self, server: WSGIServer):
+        self._server = server
+        self._thread = threading.Thread(target=server.serve_forever, name="metrics", daemon=True)
+        self._thread.start()
 
     def close(self) -> None:
         self._server.shutdown()
         self._server.server_close()
         self._thread.join()
+
+
+class _Handler(WSGIRequestHandler):
+    """Writes no lines, and gives up on a request that does not come."""
+
+    timeout = REQUEST_S
+
+    def log_message(self, format: str, *args: Any) -> None:
+        pass
+
+
+def _listening(port: int, host: str, registry: CollectorRegistry) -> WSGIServer:
+    """A server that answers scrapes by an IP address, this machine's names, or the host that it was given."""
+    scrape = make_wsgi_app(registry)
+    names = {"localhost", host.lower(), socket.gethostname().lower(), socket.getfqdn().lower()}
+
+    def application(environ: dict[str, Any], start_response: Any) -> Any:
+        name = host_name(environ.get("HTTP_HOST", ""))
+        if name is None or not (name in names or is_address(name)):
+            start_response("421 Misdirected Request", [("Content-Type", "text/plain")])
+            return [b"Metrics are not served by this name: use the machine's IP address or its own name.\n"]
+        return scrape(environ, start_response)
+
+    class Listening(ThreadingWSGIServer):
+        address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
+
+    return make_server(host, port, application, Listening, _Handler)

@@ -50,6 +50,7 @@ class Api:
         keys = [f"{PREFIX}/{top}" for top in TOPS if top not in ("jobs", "schemas")]
         keys += [f"{PREFIX}/jobs/**", f"{PREFIX}/schemas/*"]
         self._queryables = [session.declare_queryable(key, self._on_query) for key in keys]
+        self._queryables.append(session.declare_queryable(f"{PREFIX}/*", self._on_any))
 
     def close(self) -> None:
         """Answer what is being answered, and no more."""
@@ -77,6 +78,14 @@ class Api:
         else:
             body = None if payload is None else payload.to_bytes()
             self._pool.submit(self._answer, query, below, str(query.parameters), body)
+
+    def _on_any(self, query: zenoh.Query) -> None:
+        """Answers what no other key of the API matches, with the problem that says so."""
+        top = str(query.key_expr).removeprefix(f"{PREFIX}/")
+        if top in TOPS or "*" in top or "$" in top:
+            query.drop()
+        else:
+            self._on_query(query)
 
     def _answer(self, query: zenoh.Query, key: str, parameters: str, payload: bytes | None) -> None:
         try:

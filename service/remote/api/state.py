@@ -7,6 +7,7 @@ from importlib.metadata import version
 
 import msgspec
 
+from service.errors import StoreError
 from service.remote.api.catalogue import Catalogue
 from service.remote.api.objects import Egos, Health, Scenarios, Tally, Worker, Workers
 from service.remote.api.problems import ApiError
@@ -42,8 +43,13 @@ class StateAnswers:
         try:
             workers = self._checks.submit(self._fleet.workers).result(HEALTH_S)
             open_jobs = self._checks.submit(self._fleet.open_jobs).result(HEALTH_S)
+            self._checks.submit(self._fleet.check).result(HEALTH_S)
+        except StoreError as error:
+            raise ApiError(
+                "unavailable", f"the database is not well: {error}", retry_after_s=HEALTH_S
+            ) from error
         except Late as error:
-            text = f"the scheduler has not answered for {HEALTH_S:g} s"
+            text = f"the scheduler or its database has not answered for {HEALTH_S:g} s"
             raise ApiError("unavailable", text, retry_after_s=HEALTH_S) from error
         here = [w for w in workers if not w.quarantine]
         return Health(

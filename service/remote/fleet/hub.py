@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from service.errors import StoreError, TailroadError
+from service.errors import StoreError, StoreOutage, Superseded, TailroadError
 from service.evaluation.store.jobs import OPEN, Event, JobRow, JobStore, taken_up_again
 from service.remote.fleet import events as E
 from service.remote.fleet.answers import chunk_of
@@ -70,11 +70,8 @@ class Hub:
         on_death: Callable[[], None] = lambda: None,
         referee: Referee | None = None,
     ):
-        """Make a hub that waits for `start`.
-
-        on_death: called where its thread ends by an error that nobody foresaw
-        referee: who settles disputes, in place of a process of this machine
-        """
+        """Make a hub that waits for `start`; on_death: called where its thread ends by an error that nobody foresaw;
+        referee: who settles disputes, in place of a process of this machine."""
         self.store = store
         self.statistics = Statistics(store)
         self._time = Elapsed(clock)
@@ -273,7 +270,7 @@ class Hub:
         if not self._is_open(job):
             return
         try:
-            epoch, replay = self.statistics.open(job)
+            epoch, replay = self._while_out(lambda: self.statistics.open(job))
         except Stopping:
             return
         except Exception as error:  # whatever it is, it is the job's end and nobody else's
@@ -282,10 +279,21 @@ class Hub:
             return
         self.post(E.Opened(job, generation, epoch, replay))
 
+    def _while_out(self, ask: Callable[[], T]) -> T:
+        """What the database says; asked for again while it does not answer, which is no job's end."""
+        while True:
+            try:
+                return ask()
+            except StoreOutage as error:
+                log.error("%s; trying again", error)
+                if self._stopping:
+                    raise Stopping from error
+                time.sleep(RETRY_S)
+
     def _step(self, instruction: E.Step) -> None:
         job, generation = instruction.job, instruction.generation
         try:
-            replay = self.statistics.step(job, instruction.step)
+            replay = self._while_out(lambda: self.statistics.step(job, instruction.step))
         except Stopping:
             return
         except Exception as error:  # as above
@@ -329,6 +337,8 @@ class Hub:
         try:
             while self._writes:
                 self._write_next()
+        except Superseded:
+            raise  # this scheduler ends
         except StoreError as error:
             log.error("%s; trying again", error)
             if self._trouble_until is None:

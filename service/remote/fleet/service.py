@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 import ce
-from service.errors import InputError
+from service.errors import InputError, StoreError
 from service.evaluation.endings import endings_of
 from service.evaluation.failed_share import MAX_FAILED
 from service.evaluation.job import Job
@@ -150,6 +150,13 @@ class Fleet:
     def job(self, job: str) -> JobView:
         """NoSuchJob for a job that there is not; so do all that follow."""
         return self._view(self._row(job), self._progress())
+
+    def check(self) -> None:
+        """StoreError where the database takes nothing, cannot be read, or is not one any more."""
+        trouble = self._hub.call(lambda scheduler: scheduler.trouble).result()
+        if trouble:
+            raise StoreError(f"the database takes nothing: {trouble}")
+        self._store.check()
 
     def open_jobs(self) -> int:
         """How many jobs are not over."""

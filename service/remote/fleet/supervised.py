@@ -56,12 +56,16 @@ class SupervisedProcess:
             self._stopping.wait(pause_s)
             pause_s = min(2.0 * pause_s, LONGEST_PAUSE_S)
 
-    def stop(self) -> None:
-        """Let it finish what it does, and end."""
+    def begin_to_stop(self) -> None:
+        """Tell it to finish what it does, and to end."""
         with self._lock:
-            self._stopping.set()
-            if self._process is not None:
+            if not self._stopping.is_set() and self._process is not None:
                 self._process.terminate()
+            self._stopping.set()
+
+    def stop(self) -> None:
+        """Have it end, and wait until it has."""
+        self.begin_to_stop()
         if self._process is not None:
             try:
                 self._process.wait(self._drain_s)

@@ -63,7 +63,8 @@ class Worker:
         self._hold_s = 0.0
         self._greeting = threading.Lock()
         self._greeted = 0  # times, so that slots that were refused together say hello once
-        self._idle = threading.Semaphore(0)
+        self._changed = threading.Condition()
+        self._busy = 0  # slots that run a chunk or answer it
         self._specs: dict[str, JobSpec] = {}
 
     def run(self) -> None:
@@ -77,8 +78,8 @@ class Worker:
         for slot in slots:
             slot.start()
         self._stopping.wait()
-        for _ in slots:
-            self._idle.acquire()  # what is being run is run to its end and answered
+        with self._changed:  # what is being run is run to its end and answered; questions are left
+            self._changed.wait_for(lambda: self._busy == 0)
         self._request("bye", Bye(self.name), once=True)
         for slot in slots:
             slot.join()
@@ -96,11 +97,26 @@ class Worker:
         try:
             while not self._stopping.is_set():
                 reply = self._request("work", Ask(self.name, index, bench.job))
-                if isinstance(reply, Lease) and not self._stopping.is_set():
-                    self._request("answer", bench.run(reply), until_noted=True)
+                if isinstance(reply, Lease) and self._begin():
+                    try:
+                        self._request("answer", bench.run(reply), until_noted=True)
+                    finally:
+                        self._end()
         finally:
-            self._idle.release()
             bench.close()
+
+    def _begin(self) -> bool:
+        """Whether a chunk is still to be run; it is waited for then."""
+        with self._changed:
+            if self._stopping.is_set():
+                return False
+            self._busy += 1
+            return True
+
+    def _end(self) -> None:
+        with self._changed:
+            self._busy -= 1
+            self._changed.notify_all()
 
     def _spec(self, job: str) -> JobSpec | str:
         """The job's specification, or why there is none."""

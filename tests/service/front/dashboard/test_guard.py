@@ -7,7 +7,8 @@ import asyncio
 import pytest
 from starlette.responses import PlainTextResponse
 
-from service.front.dashboard.guard import Guard, host_name
+from service.front.dashboard.guard import Guard
+from service.remote.api.hosts import host_name
 
 OWN = "127.0.0.1:7448"
 
