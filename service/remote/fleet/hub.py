@@ -32,6 +32,7 @@ from service.remote.fleet.messages import (
     decode_request,
     encode,
 )
+from service.remote.fleet.outage import RETRY_S, while_out
 from service.remote.fleet.peers import NOBODY, Peer
 from service.remote.fleet.policy import STANDARD, Policy
 from service.remote.fleet.referee import Referee
@@ -42,7 +43,6 @@ from service.remote.fleet.versions import digests, versions
 from service.world.egos.open import REMOTE
 
 TICK_S = 0.25
-RETRY_S = 1.0  # until a database that took nothing is tried again
 GROUP = 512  # events that are taken together
 
 log = logging.getLogger("tailroad.hub")
@@ -270,8 +270,8 @@ class Hub:
         if not self._is_open(job):
             return
         try:
-            epoch, replay = self._while_out(lambda: self.statistics.open(job))
-        except Stopping:
+            epoch, replay = while_out(lambda: self.statistics.open(job), lambda: self._stopping)
+        except (Stopping, StoreOutage):  # it stops
             return
         except Exception as error:  # whatever it is, it is the job's end and nobody else's
             log.exception("job %s cannot be opened", job)
@@ -279,22 +279,11 @@ class Hub:
             return
         self.post(E.Opened(job, generation, epoch, replay))
 
-    def _while_out(self, ask: Callable[[], T]) -> T:
-        """What the database says; asked for again while it does not answer, which is no job's end."""
-        while True:
-            try:
-                return ask()
-            except StoreOutage as error:
-                log.error("%s; trying again", error)
-                if self._stopping:
-                    raise Stopping from error
-                time.sleep(RETRY_S)
-
     def _step(self, instruction: E.Step) -> None:
         job, generation = instruction.job, instruction.generation
         try:
-            replay = self._while_out(lambda: self.statistics.step(job, instruction.step))
-        except Stopping:
+            replay = while_out(lambda: self.statistics.step(job, instruction.step), lambda: self._stopping)
+        except (Stopping, StoreOutage):  # it stops
             return
         except Exception as error:  # as above
             log.exception("job %s cannot go on", job)
