@@ -9,6 +9,7 @@ import polars as pl
 from service.evaluation.job import Problem
 from service.world import agents as A
 from service.world.scenario.noise import Noise
+from service.world.sim import minds as M
 from service.world.sim.rollout import Rollout, Simulator
 from service.world.sim.world import World
 
@@ -34,6 +35,7 @@ class Trace:
     ttc_s: (T,) the ego's time to collision
     actions: (T - 1, 2) the ego's acceleration (m/s^2) and turn rate (rad/s)
     measured: (T,) the scenario's safety `measure` at each state
+    minds: (T, vehicles, columns of service.world.sim.minds) of human drivers; empty where there are none
     """
 
     names: tuple[str, ...]
@@ -46,6 +48,7 @@ class Trace:
     rollout: Rollout
     measure: str
     measured: np.ndarray
+    minds: np.ndarray = field(default_factory=lambda: np.zeros((0, 0, M.COLUMNS)))
 
     @property
     def station_m(self) -> np.ndarray:
@@ -82,11 +85,14 @@ class _Recorder:
     agents: list[np.ndarray] = field(default_factory=list)
     ttc_s: list[float] = field(default_factory=list)
     actions: list[tuple[float, float]] = field(default_factory=list)
+    minds: list[np.ndarray] = field(default_factory=list)
 
     def see(self, world: World, time_s: float, ttc_s: float, action: tuple[float, float] | None) -> None:
         self.time_s.append(time_s)
         self.agents.append(world.agents[: world.vehicles].copy())
         self.ttc_s.append(ttc_s)
+        if world.traits.size:
+            self.minds.append(world.minds.copy())
         if action is not None:
             self.actions.append(action)
 
@@ -108,6 +114,7 @@ def record(problem: Problem, simulator: Simulator, x: np.ndarray, noise_seed: No
         rollout=rollout,
         measure=scenario.safety.measure,
         measured=np.array(recorder.ttc_s) if measured is None else measured,
+        minds=np.array(recorder.minds).reshape(-1, len(scenario.vehicles), M.COLUMNS),
     )
 
 

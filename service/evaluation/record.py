@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NoReturn, cast
 
@@ -12,15 +12,16 @@ import ce
 from ce.streams import CHUNK as STREAM_BLOCK
 from service.errors import InputError
 from service.evaluation.batches import RecordedBatches
-from service.evaluation.endings import endings_of
+from service.evaluation.endings import endings_of, estimate_of, outcomes_of
 from service.evaluation.evaluate import evaluate
 from service.evaluation.job import Job, Problem
 from service.evaluation.options import PATHS, options_of
 from service.evaluation.path_record import outcomes_of_paths, read_paths
 from service.evaluation.path_store import PathSource
-from service.evaluation.pool import OUTCOME_NAMES
-from service.evaluation.store import Chunk, ChunkSource
+from service.evaluation.pool import OUTCOME_CODES, OUTCOME_NAMES
+from service.evaluation.store import FAILED, Chunk, ChunkSource
 from service.evaluation.summary import Ending
+from service.world.scenario.measures import IMPACT
 from service.world.scenario.noise import Noise
 
 BatchKey = tuple[str, int]  # phase, iteration
@@ -60,6 +61,8 @@ class JobRecord:
     worker_s, sim_s: seconds of workers, and simulated seconds, that they took
     in_sumo: how many of them SUMO drove
     explicit_batches: phase and iteration of the batches that `explicit` is of
+    outcome: where the event is an ending, and not f <= gamma: which; `estimate` is then of that event
+    f: values of the rollouts that the estimate is made of, in its order
     """
 
     job: Job
@@ -80,6 +83,8 @@ class JobRecord:
     sim_s: float
     in_sumo: int
     explicit_batches: frozenset[BatchKey] = frozenset()
+    outcome: str | None = None
+    f: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def planned(self) -> int:
@@ -133,15 +138,20 @@ class JobRecord:
         ]
 
 
-def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecord:
+def replay(store: ChunkSource, job: Job, gamma: float | None = None, outcome: str | None = None) -> JobRecord:
     """Replay a job's record through the evaluation loop until it is finished or the record ends.
 
-    gamma: look at the event f <= gamma instead of the job's own; the search stays the one that there was.
+    gamma: look at the event f <= gamma instead of the job's own; the search stays the one that there was
+    outcome: look at the rollouts that ended so instead, whatever their f; InputError for a name that is none
     """
     problem = Problem(job)
     threshold = job.gamma if gamma is None else gamma
     if job.method == PATHS:
-        return _of_paths(cast(PathSource, store), problem, threshold)
+        return _of_paths(
+            cast(PathSource, store), problem, threshold if outcome is None else _below(job, outcome)
+        )
+    chunks = list(store.all_chunks(job.id))
+    ended_so = None if outcome is None else _Ended(chunks, outcome)
     algorithm = problem.algorithm
     recorded = RecordedBatches(store, job, no_workers)
     state: Any = algorithm.init(problem.stream_seed)
@@ -155,10 +165,11 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
     def run_batch(batch: ce.Batch) -> np.ndarray:
         parameters[batch.phase, batch.iteration] = batch.parameters
         f = recorded(batch)
+        dangerous = f <= threshold if ended_so is None else ended_so(batch)
         if batch.explicit:
             explicit_batches.add((batch.phase, batch.iteration))
             # a method that moves chains calls all its batches training
-            kept_rows = np.isnan(f) | (f <= threshold)
+            kept_rows = np.isnan(f) | dangerous
             for i in np.flatnonzero(kept_rows).tolist():
                 explicit[batch.phase, batch.iteration, batch.start + i] = (
                     batch.x[i].copy(),
@@ -166,7 +177,7 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
                     float(f[i]),
                 )
         if batch.phase == "estimate":
-            events = np.flatnonzero(f <= threshold)
+            events = np.flatnonzero(dangerous)
             rows.setdefault(batch.iteration, []).append(batch.start + events)
             likelihood.setdefault(batch.iteration, []).append(problem.base.log_density(batch.x[events]))
         return f
@@ -182,9 +193,11 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
         estimate = algorithm.estimate(state)
     if threshold != job.gamma:
         estimate = replace(estimate, gamma=threshold)
+    endings, f = endings_of(estimate, chunks), estimate.f
+    if ended_so is not None:
+        estimate = estimate_of(estimate, outcomes_of(estimate, chunks), ended_so.code)
 
     last = max(rows, default=0)
-    chunks = list(store.all_chunks(job.id))
     return JobRecord(
         job=job,
         problem=problem,
@@ -196,9 +209,21 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None) -> JobRecor
         event_rows=np.concatenate([np.zeros(0, np.int64), *rows.get(last, [])]),
         event_log_likelihood=np.concatenate([np.zeros(0), *likelihood.get(last, [])]),
         explicit=explicit,
-        endings=endings_of(estimate, chunks),
+        endings=endings,
         explicit_batches=frozenset(explicit_batches),
+        outcome=outcome,
+        f=f,
         **_totals(job, chunks),
+    )
+
+
+def _below(job: Job, outcome: str) -> float:
+    """The threshold at and below which rollouts have that outcome; InputError where f does not tell it."""
+    if outcome == "collision" and job.scenario.safety.measure == IMPACT:
+        return 0.0
+    raise InputError(
+        f"outcome {outcome!r}: of method {job.method} only paths with f <= gamma are kept so that they can be brought "
+        f"back, and f tells collisions alone, with the measure {IMPACT}; ask without an outcome, or of another method"
     )
 
 
@@ -247,6 +272,24 @@ def _totals(job: Job, chunks: Sequence[tuple[str, int, Chunk]]) -> dict[str, Any
         "sim_s": steps * job.scenario.time.step_s,
         "in_sumo": in_sumo,
     }
+
+
+class _Ended:
+    """Which rollouts of a batch ended with one outcome."""
+
+    def __init__(self, chunks: Sequence[tuple[str, int, Chunk]], outcome: str) -> None:
+        known = [name for name in OUTCOME_CODES if OUTCOME_CODES[name] != FAILED]
+        if outcome not in known:
+            raise InputError(f"no outcome named {outcome!r}; there are {', '.join(known)}")
+        self.code = OUTCOME_CODES[outcome]
+        self._rows: dict[BatchKey, list[np.ndarray]] = {}
+        for phase, iteration, chunk in chunks:
+            rows = chunk.start + np.flatnonzero(chunk.outcomes == self.code)
+            self._rows.setdefault((phase, iteration), []).append(rows)
+
+    def __call__(self, batch: ce.Batch) -> np.ndarray:
+        rows = np.concatenate([np.zeros(0, np.int64), *self._rows.get((batch.phase, batch.iteration), [])])
+        return np.isin(np.arange(batch.start, batch.stop), rows)
 
 
 def no_workers() -> NoReturn:

@@ -1,5 +1,6 @@
 """The dangerous rollouts of a job, ranked by how likely they are."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -19,7 +20,9 @@ CHAINS = "train"  # what methods that move chains call the phase of all their ba
 
 @dataclass(frozen=True)
 class Events:
-    """The rollouts with f <= gamma of the batches that the estimate is made of, by iteration and row. Arrays (n,).
+    """The rollouts with f <= gamma, or with the record's outcome, of the batches that the estimate is made of.
+
+    By iteration and row; arrays (n,).
 
     log_likelihood: log p0(x), nats
     weight: p0(x) over the proposal's density, 1 for naive Monte Carlo and for methods that move chains
@@ -79,7 +82,7 @@ def events_of(record: JobRecord) -> Events:
         "estimate",
         np.full(rows.size, record.estimate_iteration),
         rows,
-        estimate.f[rows],
+        record.f[rows],
         record.event_log_likelihood[by_row],
         np.exp(log_weight),
         normalised(log_weight),
@@ -120,8 +123,10 @@ def _of_chains(record: JobRecord) -> Events:
     """
     estimate = record.estimate
     assert isinstance(estimate, ce.ReplicatedEstimate)
-    met = [k for k, (_, _, f) in record.explicit.items() if k[0] == CHAINS and f <= estimate.gamma]
-    share, replication, replicated = chain_shares(estimate, np.array([record.explicit[k][2] for k in met]))
+    wanted = math.inf if record.outcome is not None else estimate.gamma  # of an outcome nothing else is kept
+    met = [k for k, (_, _, f) in record.explicit.items() if k[0] == CHAINS and f <= wanted]
+    values = np.array([record.explicit[k][2] for k in met])
+    share, replication, replicated = chain_shares(estimate, values, record.f)
     keys = sorted((k, i) for i, k in enumerate(met) if share[i] > 0.0)
     chosen = np.array([i for _, i in keys], dtype=np.int64)
     found = [record.explicit[k] for k, _ in keys]
@@ -142,21 +147,23 @@ def _of_chains(record: JobRecord) -> Events:
 
 
 def chain_shares(
-    estimate: ce.ReplicatedEstimate, met: np.ndarray
+    estimate: ce.ReplicatedEstimate, met: np.ndarray, f: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What the rollouts with values `met` (n,) carry of the estimate.
+    """What the rollouts with values `met` (n,) carry of the estimate, whose own rollouts have the values f; None: the
+    estimate's.
 
     Returns their shares (n,), which sum to one, 0 for those that the estimate does not hold; the replication of each
     (n,); and p of each replication. Rollouts of one and the same value share its part evenly.
     """
+    f = estimate.f if f is None else f
     inside = estimate.f <= estimate.gamma
     weight = np.zeros(estimate.f.size) if estimate.log_weights is None else np.exp(estimate.log_weights)
     runs = int(estimate.replication.max()) + 1 if estimate.replication.size else 0
     replicated = np.bincount(estimate.replication[inside], weight[inside], minlength=runs)
     values, place, times = np.unique(met, return_inverse=True, return_counts=True)
-    at = np.searchsorted(values, estimate.f[inside])
+    at = np.searchsorted(values, f[inside])
     known = at < values.size
-    known[known] = values[at[known]] == estimate.f[inside][known]
+    known[known] = values[at[known]] == f[inside][known]
     at, mine = at[known], weight[inside][known]
     carried = np.bincount(at, mine, minlength=values.size) / times
     run = np.zeros(values.size, dtype=np.int64)

@@ -8,7 +8,7 @@ from service.analysis.failures.events import Events, Order, events_of
 from service.analysis.failures.examine import EXAMINED, Examined, Watch, examine, look_away, modes_by_position
 from service.analysis.failures.objects import Failures
 from service.analysis.failures.rerun import Rerunner
-from service.analysis.failures.tell import failure_of, same_bits, sample_modes
+from service.analysis.failures.tell import failure_of, same_bits, sample_causes, sample_modes
 from service.evaluation.record import JobRecord
 from service.world.scenario.measures import measure_kind
 
@@ -54,7 +54,8 @@ def find_failures(
         scenario=job.scenario.name,
         ego=job.ego,
         method=job.method,
-        gamma=estimate.gamma,
+        gamma=estimate.gamma if record.outcome is None else job.gamma,
+        outcome=record.outcome or "",
         unit=measure_kind(record.job.scenario.safety.measure).unit,
         confidence=estimate.confidence,
         p=estimate.p if estimate.estimation_rollouts else None,
@@ -65,6 +66,7 @@ def find_failures(
         modes=tuple(sample_modes(examined, modes, rank)),
         failures=tuple(failure_of(events, i, examined.reruns[i], rank[i], modes[i]) for i in ranking[:limit]),
         notes=tuple(notes_on(examined)),
+        causes=tuple(sample_causes(examined, rank)),
     )
     return Found(failures, examined, ranking, modes)
 
@@ -78,7 +80,8 @@ def notes_on(examined: Examined) -> list[str]:
     events, again = examined.events, examined.reruns
     notes = []
     if not len(events):
-        notes.append("No rollout of the estimation has had f <= gamma.")
+        what = "had f <= gamma" if events.record.outcome is None else f"ended with {events.record.outcome}"
+        notes.append(f"No rollout of the estimation has {what}.")
     if examined.sample.size < len(events):
         notes.append(
             f"Modes, shares and their p are of {'the first ' if events.replication is None else ''}"

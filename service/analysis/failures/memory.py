@@ -15,12 +15,13 @@ from urllib.parse import quote
 
 import msgspec
 
+from service.analysis.failures.lapses import Lapse
 from service.analysis.failures.motion import Motion
 from service.analysis.failures.rerun import Rerun
 from service.evaluation.job import Job
 from service.world.safety.contact import Contact
 
-MEMORY_FORMAT = 2  # to be raised whenever `Motion`, `Contact` or how they are measured change
+MEMORY_FORMAT = 3  # to be raised whenever `Motion`, `Contact`, `Lapse` or how they are measured change
 Key = tuple[int, int]  # iteration, row
 
 
@@ -33,6 +34,7 @@ class _Seen(msgspec.Struct, frozen=True, array_like=True):
     error: str | None
     motion: Motion | None
     contact: Contact | None
+    lapse: Lapse | None
 
 
 class _File(msgspec.Struct, frozen=True):
@@ -61,10 +63,14 @@ class Memory:
         seen = self._seen.get(key)
         if seen is None or seen.recorded_f != f:
             return None
-        return Rerun(seen.f, seen.outcome, seen.error, motion=seen.motion, contact=seen.contact)
+        return Rerun(
+            seen.f, seen.outcome, seen.error, motion=seen.motion, contact=seen.contact, lapse=seen.lapse
+        )
 
     def add(self, key: Key, f: float, again: Rerun) -> None:
-        self._seen[key] = _Seen(*key, f, again.f, again.outcome, again.error, again.motion, again.contact)
+        self._seen[key] = _Seen(
+            *key, f, again.f, again.outcome, again.error, again.motion, again.contact, again.lapse
+        )
 
     def save(self) -> None:
         """Write the file; a run directory that cannot be written to goes without."""

@@ -69,7 +69,9 @@ def motion_of(trace: Trace, rays: int, corridor: Corridor) -> Motion | None:
     if not trace.measured.size:
         return None
     worst = int(np.argmin(trace.measured))
-    other = threat(trace, worst, rays)
+    other = _touched(trace, worst)
+    if other is None:
+        other = threat(trace, worst, rays)
     if other is None:
         return None
     ego = trace.ego
@@ -115,6 +117,13 @@ def motion_of(trace: Trace, rays: int, corridor: Corridor) -> Motion | None:
         left_blocked=_blocked(trace, k, -1, corridor),
         right_blocked=_blocked(trace, k, 1, corridor),
     )
+
+
+def _touched(trace: Trace, k: int) -> int | None:
+    """The vehicle in the ego's contact, where state k is the one in which it ended."""
+    contact = trace.rollout.contact
+    known = contact is not None and contact.other < len(trace.names) and k == len(trace.time_s) - 1
+    return contact.other if contact is not None and known else None
 
 
 def threat(trace: Trace, k: int, rays: int) -> int | None:

@@ -6,9 +6,11 @@ Numbers that are not known are null. Seeds are text, because they have 64 bits.
 import msgspec
 
 from service.analysis.failures.events import Order
+from service.analysis.failures.lapses import Lapse
 from service.analysis.failures.motion import Motion
+from service.world.safety.contact import Contact
 
-FORMAT = 1
+FORMAT = 2
 
 
 class Failure(msgspec.Struct, frozen=True, kw_only=True):
@@ -33,6 +35,10 @@ class Failure(msgspec.Struct, frozen=True, kw_only=True):
     motion: Motion | None
     # by vehicle: station_m, lane_offset_m, heading_deg or lateral_mps, speed_mps
     starts: dict[str, dict[str, float]]
+    causes: dict[str, dict[str, float]] = {}  # by vehicle: what makes its driver err, as drawn
+    contact: Contact | None = None  # of the ego, where it ended the rollout
+    lapse: Lapse | None = None  # of the other vehicle's driver, where drivers have any
+    story: str = ""  # what came together, in one sentence
 
 
 class Mode(msgspec.Struct, frozen=True, kw_only=True):
@@ -48,6 +54,20 @@ class Mode(msgspec.Struct, frozen=True, kw_only=True):
     ci: tuple[float, float]
     agreement: float  # share of its rollouts that the rules alone name so
     example: Failure  # the first of its rollouts in the order asked for
+
+
+class Cause(msgspec.Struct, frozen=True, kw_only=True):
+    """A cause on the other driver's side, and what part of p it has; every dangerous rollout has one of them."""
+
+    cause: str
+    name: str
+    events: int  # of the rollouts examined
+    share: float  # of p
+    share_ci: tuple[float, float]
+    p: float
+    ci: tuple[float, float]
+    rank: int  # of an example, the first in the order asked for
+    story: str  # of the example, in one sentence
 
 
 class Modes(msgspec.Struct, frozen=True, kw_only=True):
@@ -69,6 +89,10 @@ class Modes(msgspec.Struct, frozen=True, kw_only=True):
     examined: int  # of them run once more and grouped
     modes: tuple[Mode, ...]  # the likeliest first
     notes: tuple[str, ...]  # what bears on how far this can be relied on
+    outcome: str = ""  # where the rollouts are those that ended so, and not those with f <= gamma
+    causes: tuple[
+        Cause, ...
+    ] = ()  # on the other driver's side, the likeliest first; none where drivers cannot err
 
 
 class Failures(Modes, frozen=True, kw_only=True):

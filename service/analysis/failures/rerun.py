@@ -8,6 +8,7 @@ from types import TracebackType
 import numpy as np
 
 from service.analysis.failures.driving import Driving, driving_of
+from service.analysis.failures.lapses import Lapse, lapse_of
 from service.analysis.failures.motion import Motion, motion_of
 from service.analysis.trace import Trace, record
 from service.evaluation.job import Job, Problem
@@ -29,7 +30,8 @@ class Rerun:
 
     driven_m, time_s: how far and how long the ego drove; driving: how the others did; motion: None where the smallest
     value is to background traffic, or the rollout failed; contact: of the ego, where it ended the rollout; trace: of
-    those asked for. What is remembered of an earlier time has f, outcome, error, motion and contact alone.
+    those asked for; lapse: of the other vehicle's driver, where drivers have any. What is remembered of an earlier time
+    has f, outcome, error, motion, contact and lapse alone.
     """
 
     f: float
@@ -41,6 +43,7 @@ class Rerun:
     driving: Driving | None = None
     trace: Trace | None = None
     contact: Contact | None = None
+    lapse: Lapse | None = None
 
 
 class Rerunner:
@@ -122,14 +125,17 @@ def rerun(problem: Problem, simulator: Simulator, x: np.ndarray, noise_seed: Noi
     if result.error is not None:
         return Rerun(result.f, result.outcome, result.error)
     station = trace.station_m[:, trace.ego]
+    scenario = problem.job.scenario
+    motion = motion_of(trace, scenario.safety.rays, problem.corridor)
     return Rerun(
         result.f,
         result.outcome,
         None,
         float(station[-1] - station[0]),
         float(trace.time_s[-1]),
-        motion_of(trace, problem.job.scenario.safety.rays, problem.corridor),
+        motion,
         driving_of(trace),
         trace,
         result.contact,
+        lapse_of(trace, motion, scenario, x),
     )

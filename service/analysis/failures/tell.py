@@ -8,7 +8,9 @@ import ce
 from service.analysis.failures.events import Events, starts_log_likelihood
 from service.analysis.failures.examine import Examined, alone, mode_name
 from service.analysis.failures.kinds import kind_of
-from service.analysis.failures.objects import Failure, Mode
+from service.analysis.failures.lapses import NAMES as LAPSES
+from service.analysis.failures.lapses import sentence
+from service.analysis.failures.objects import Cause, Failure, Mode
 from service.analysis.failures.rerun import Rerun
 from service.analysis.failures.shares import (
     mean_estimate,
@@ -20,7 +22,9 @@ from service.analysis.failures.shares import (
     share_interval,
 )
 from service.analysis.failures.typical import typical
-from service.world.scenario.base import STARTS
+from service.world.scenario.base import STARTS, causes
+from service.world.scenario.causes import kinds
+from service.world.scenario.schema import Scenario
 
 
 def failure_of(events: Events, i: int, again: Rerun, rank: int, mode: str | None = None) -> Failure:
@@ -52,7 +56,57 @@ def failure_of(events: Events, i: int, again: Rerun, rank: int, mode: str | None
             vehicle.name: dict(zip(names, x[STARTS * j : STARTS * (j + 1)].tolist(), strict=True))
             for j, vehicle in enumerate(vehicles)
         },
+        causes=_causes(record.job.scenario, x),
+        contact=again.contact,
+        lapse=again.lapse,
+        story=story_of(events, again),
     )
+
+
+def _causes(scenario: Scenario, x: np.ndarray) -> dict[str, dict[str, float]]:
+    """What makes each driver err, by name, as the draw x (d,) has it."""
+    drawn = causes(scenario, x)
+    return {
+        vehicle.name: dict(zip(kinds(scenario), drawn[j].tolist(), strict=True))
+        for j, vehicle in enumerate(scenario.vehicles)
+        if drawn.size and vehicle.role != "ego"
+    }
+
+
+def story_of(events: Events, again: Rerun) -> str:
+    """What came together in a rollout, in one sentence; "" where that is not known."""
+    if again.motion is None:
+        return ""
+    other = events.record.job.scenario.vehicles[again.motion.other].name
+    return sentence(again.motion, again.lapse, other)
+
+
+def sample_causes(examined: Examined, rank: dict[int, int]) -> list[Cause]:
+    """What the other drivers did wrong in the sample, the largest share of p first; rank: of each position in the order
+    asked for."""
+    events, sample = examined.events, examined.sample
+    lapses = [examined.reruns[i].lapse for i in sample.tolist()]
+    fallen = np.array(["" if lapse is None else lapse.kind for lapse in lapses])
+    found = []
+    for kind in sorted(set(fallen.tolist()) - {""}):
+        member = fallen == kind
+        share, low, high = mode_share(examined, member)
+        p, ci = mode_p(examined, member, (share, low, high))
+        first = min(sample[member].tolist(), key=rank.__getitem__)
+        found.append(
+            Cause(
+                cause=kind,
+                name=LAPSES[kind],
+                events=int(member.sum()),
+                share=share,
+                share_ci=(low, high),
+                p=p,
+                ci=ci,
+                rank=rank[first],
+                story=story_of(events, examined.reruns[first]),
+            )
+        )
+    return sorted(found, key=lambda c: (-c.share, c.cause))
 
 
 def sample_modes(examined: Examined, modes: dict[int, str], rank: dict[int, int]) -> list[Mode]:

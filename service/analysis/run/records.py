@@ -9,11 +9,12 @@ from service.evaluation.store import RunDirectory
 
 
 def record_of(
-    run: Path, job: str | None = None, gamma: float | None = None
+    run: Path, job: str | None = None, gamma: float | None = None, outcome: str | None = None
 ) -> tuple[JobRecord, tuple[str, ...]]:
     """The record of one job of a run directory, and the ids of all its jobs.
 
     gamma: another threshold than the job's
+    outcome: the rollouts that ended so are the event instead
 
     Without an id: the job that has met the most dangerous rollouts, in effective numbers.
     """
@@ -22,8 +23,8 @@ def record_of(
         if job is not None:
             if job not in names:
                 raise InputError(f"{run} has no job {job!r} (--method); it has {', '.join(names)}")
-            return replay(store, store.job(job), gamma), names
-        records = [replay(store, one, gamma) for one in store.jobs]
+            return replay(store, store.job(job), gamma, outcome), names
+        records = [replay(store, one, gamma, outcome) for one in store.jobs]
     return max(records, key=lambda record: record.estimate.ess), names
 
 

@@ -103,9 +103,12 @@ class Run:
         (self.path / "result.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
         return result
 
-    def record(self, job: str | None = None, gamma: float | None = None) -> JobRecord:
-        """The record of a job, replayed; gamma: another threshold than its own."""
-        return record_of(self.path, job, gamma)[0]
+    def record(
+        self, job: str | None = None, gamma: float | None = None, outcome: str | None = None
+    ) -> JobRecord:
+        """The record of a job, replayed; gamma: another threshold than its own; outcome: the event is that a rollout
+        ends so."""
+        return record_of(self.path, job, gamma, outcome)[0]
 
     def to_polars(self) -> pl.DataFrame:
         """Every rollout, a row each: job, phase, iteration, row, f, outcome, steps, error, worker."""
@@ -135,13 +138,15 @@ class Run:
         job: str | None = None,
         examine: int = EXAMINED,
         watch: Watch = look_away,
+        outcome: str | None = None,
     ) -> Failures:
         """How the ego fails: the failure modes, and the first `limit` dangerous rollouts in the order asked for.
 
         by: likelihood, weight or f; job: default the one with most dangerous rollouts; examine: dangerous rollouts at
-        most that are run again and grouped; watch: told of (done, total).
+        most that are run again and grouped; watch: told of (done, total); outcome: the rollouts that ended so
+        ("collision", "off-road", ...), instead of those with f <= gamma.
         """
-        record, _ = record_of(self.path, job)
+        record, _ = record_of(self.path, job, None, outcome)
         with Rerunner(record.job, self.workers) as rerunner:
             found = find_failures(self.path.name, record, rerunner, by, limit, examine, self.path, watch)
         return found.failures
@@ -179,9 +184,11 @@ class Run:
         """
         return severity_of_run(self.path, job, delta_v_mps, masses, by, examine, self.workers, watch)
 
-    def replay(self, rank: int, by: Order = "likelihood", job: str | None = None) -> "Replay":
-        """The dangerous rollout at that rank of `failures`, to be looked at."""
-        return Replay(self.path, record_of(self.path, job)[0], rank, by)
+    def replay(
+        self, rank: int, by: Order = "likelihood", job: str | None = None, outcome: str | None = None
+    ) -> "Replay":
+        """The dangerous rollout at that rank of `failures` with the same `by`, `job` and `outcome`, to be looked at."""
+        return Replay(self.path, record_of(self.path, job, None, outcome)[0], rank, by)
 
 
 def _endings(store: RunDirectory, job: Job, estimate: ce.Estimate) -> tuple[Ending, ...]:

@@ -16,13 +16,14 @@ from service.analysis.wording import quantity, significant
 from service.evaluation.cores import core_count
 from service.front.cli.options import json_option, workers_option
 from service.front.cli.progress import progress_bar
-from service.front.cli.runs import method_option, run_argument
+from service.front.cli.runs import method_option, outcome_option, run_argument
 from service.front.cli.tables import dense
 
 
 @click.command()
 @run_argument()
 @method_option()
+@outcome_option()
 @click.option("--by", "order", type=click.Choice(ORDERS), default="likelihood", show_default=True,
               help="What ranks first: likeliest x under P0, heaviest in the estimate, or lowest f.")  # fmt: skip
 @click.option("--limit", type=click.IntRange(1, 10_000), default=20, show_default=True,
@@ -32,13 +33,14 @@ from service.front.cli.tables import dense
 @workers_option()
 @json_option()
 def command(
-    run: Path, method: str | None, order: Order, limit: int, examine: int, workers: int | None, as_json: bool
-) -> None:
+    run: Path, method: str | None, outcome: str | None, order: Order, limit: int, examine: int, workers: int | None,
+    as_json: bool,
+) -> None:  # fmt: skip
     """The dangerous rollouts of RUN ranked by likelihood and grouped into failure modes.
 
     Each is run again, which brings back the same motion to the bit; `tailroad replay RUN RANK` shows one.
     """
-    record, _ = record_of(run, method)
+    record, _ = record_of(run, method, None, outcome)
     with progress_bar() as bar, Rerunner(record.job, workers or core_count()) as rerunner:
         task = bar.add_task("dangerous rollouts", total=None, note="")
         found = find_failures(
@@ -61,7 +63,7 @@ def _print(run: Path, found: Failures) -> None:
     console = Console()
     console.print(
         f"\n{found.run}: scenario {found.scenario}, ego {found.ego}, {found.method}; "
-        f"f <= {quantity(found.gamma, found.unit)} in {found.events:,} rollouts, {found.examined:,} of them grouped"
+        f"{_event(found)} in {found.events:,} rollouts, {found.examined:,} of them grouped"
     )
     if found.modes:
         level = f"{found.confidence:.0%} interval"
@@ -80,8 +82,19 @@ def _print(run: Path, found: Failures) -> None:
             console.print(f"[bold]{mode.mode}[/bold]: {mode.name}.", highlight=False)
             if mode.typical:
                 console.print(f"  Typically {mode.typical}.", style="dim", highlight=False)
+            if mode.example.story:
+                console.print(
+                    f"  As in rank {mode.example.rank}: {mode.example.story}.", style="dim", highlight=False
+                )
+    for cause in found.causes:
+        low, high = cause.share_ci
+        console.print(
+            f"{cause.share:.0%} of p ({low:.0%} to {high:.0%}): {cause.name}; as in rank {cause.rank}: {cause.story}.",
+            highlight=False,
+        )
     if found.failures:
-        table = dense("rank", "f", "failure mode", "other", "at, s", "log\np0(x)", "weight", "share", "row")
+        unit = f"f, {found.unit}".rstrip(", ")
+        table = dense("rank", unit, "failure mode", "other", "at, s", "log\np0(x)", "weight", "share", "row")
         for failure in found.failures:
             table.add_row(
                 str(failure.rank),
@@ -95,6 +108,11 @@ def _print(run: Path, found: Failures) -> None:
                 str(failure.row),
             )
         console.print(table)
-        click.echo(f"See one: tailroad replay {run} 1 --video rank1.mp4")
+        so = f"--outcome {found.outcome} " if found.outcome else ""
+        click.echo(f"See one: tailroad replay {run} 1 {so}--video rank1.mp4")
     for note in found.notes:
         console.print(f"[yellow]{note}[/yellow]")
+
+
+def _event(found: Failures) -> str:
+    return f"ended with {found.outcome}" if found.outcome else f"f <= {quantity(found.gamma, found.unit)}"

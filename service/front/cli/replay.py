@@ -7,12 +7,14 @@ import msgspec
 
 from service.analysis.exports import Exports, write_exports
 from service.analysis.failures.events import ORDERS, Order, events_of
+from service.analysis.failures.objects import Failure
 from service.analysis.failures.tell import failure_of
 from service.analysis.run.records import record_of
-from service.analysis.wording import significant
+from service.analysis.wording import quantity
 from service.errors import InputError
 from service.front.cli.options import json_option, require_folder
-from service.front.cli.runs import method_option, run_argument
+from service.front.cli.runs import method_option, outcome_option, run_argument
+from service.world.scenario.measures import measure_kind, unit_at
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 
@@ -21,6 +23,7 @@ FILE = click.Path(dir_okay=False, path_type=Path)
 @run_argument()
 @click.argument("rank", type=click.IntRange(1))
 @method_option()
+@outcome_option()
 @click.option("--by", "order", type=click.Choice(ORDERS), default="likelihood", show_default=True,
               help="The order that RANK counts in, as of `tailroad failures`.")  # fmt: skip
 @click.option("--video", type=FILE, help="Film: from above and from the ego's camera (.mp4).")
@@ -36,6 +39,7 @@ def command(
     run: Path,
     rank: int,
     method: str | None,
+    outcome: str | None,
     order: Order,
     video: Path | None,
     fcd: Path | None,
@@ -54,7 +58,7 @@ def command(
     }
     for what, path in files.items():
         require_folder(path, what)
-    record, _ = record_of(run, method)
+    record, _ = record_of(run, method, None, outcome)
     events = events_of(record)
     if not len(events):
         raise InputError(f"{run} has no dangerous rollout by {record.job.method}: there is none to replay")
@@ -62,19 +66,34 @@ def command(
         raise InputError(f"rank {rank}: {run} has {len(events)} dangerous rollouts by {record.job.method}")
     position = int(events.ranking(order)[rank - 1])
     ((x, noise_seed),) = events.drawn([position])
-    title = f"{run.name}, rank {rank} by {order}"
+    title = f"{run.name}, rank {rank} by {order}" + (f" of those with {outcome}" if outcome else "")
     exports = Exports(scenario=scenario_file, fcd=fcd, mp4=video, mcap=recording, table=table)
     again = write_exports(record.problem, x, noise_seed, title, exports)
     failure = failure_of(events, position, again, rank)
     if as_json:
         click.echo(msgspec.json.format(msgspec.json.encode(failure), indent=2).decode())
         return
-    same = "the same to the bit as on record" if failure.same_to_the_bit else f"on record {failure.f!r} s"
+    unit = unit_at(measure_kind(record.job.scenario.safety.measure).unit, again.f)
+    same = "the same to the bit as on record" if failure.same_to_the_bit else f"on record {failure.f!r}"
     click.echo(
-        f"{title}: {failure.mode}\nf = {significant(again.f)} s ({same}), ended with {again.outcome}; "
+        f"{title}: {failure.mode}\nf = {quantity(again.f, unit)} ({same}), ended with {again.outcome}; "
         f"to {failure.other or 'background traffic'}"
         + (f" {failure.motion.time_s:.1f} s after the start" if failure.motion else "")
+        + (f"\n{failure.story}" if failure.story else "")
+        + _contact(failure)
     )
     for path in files.values():
         if path is not None:
             click.echo(path)
+
+
+def _contact(failure: Failure) -> str:
+    """The ego's contact in words, on a line of its own."""
+    touched = failure.contact
+    if touched is None:
+        return ""
+    who = "the ego runs into it" if touched.striking == "ego" else "it runs into the ego"
+    return (
+        f"\ncontact at {touched.speed_mps:.1f} m/s: {who}, the ego's {touched.ego_side} ({touched.ego_part}) and its "
+        f"{touched.other_side} ({touched.other_part})"
+    )

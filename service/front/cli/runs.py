@@ -13,3 +13,8 @@ def run_argument(name: str = "run") -> Callable:
 def method_option() -> Callable:
     return click.option("--method", help="Whose rollouts, where the run has several methods.  [default: the one "
                         "with most dangerous rollouts]")  # fmt: skip
+
+
+def outcome_option() -> Callable:
+    return click.option("--outcome", help="The rollouts that ended so (collision, off-road, reversing, finished, "
+                        "horizon), whatever their f, instead of those with f <= gamma.")  # fmt: skip

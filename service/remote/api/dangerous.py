@@ -40,12 +40,12 @@ class DangerousAnswers:
         most = min(asked.examine or self._limits.examine, self._limits.examine)
 
         def compute() -> Failures:
-            record = self._records.record(state)
+            record = self._records.record(state, None, asked.outcome)
             with self._reruns.of(record.job) as rerunner:
                 found = find_failures(job, record, rerunner, asked.by, asked.limit, most)
             return msgspec.structs.replace(found.failures, job=job)
 
-        return self._background.get(("failures", state, asked.by, asked.limit, most), compute)
+        return self._background.get(("failures", state, asked.by, asked.limit, most, asked.outcome), compute)
 
     def rollout(self, asked: AskRollout, job: str, row: str) -> RolloutView:
         number = _row(row)

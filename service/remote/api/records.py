@@ -16,22 +16,23 @@ class Records:
 
     def __init__(self, fleet: Fleet):
         self.fleet = fleet
-        self._kept: OrderedDict[tuple[State, float | None], JobRecord] = OrderedDict()
+        self._kept: OrderedDict[tuple[State, float | None, str | None], JobRecord] = OrderedDict()
         self._lock = threading.Lock()
 
     def state(self, job: str) -> State:
         """What a record of the job would be of now; NoSuchJob where there is no such job."""
         return job, self.fleet.mark(job)
 
-    def record(self, state: State, gamma: float | None = None) -> JobRecord:
-        """The record; gamma: of the event f <= gamma instead of the job's own."""
-        key = state, gamma
+    def record(self, state: State, gamma: float | None = None, outcome: str | None = None) -> JobRecord:
+        """The record; gamma: of the event f <= gamma instead of the job's own; outcome: of the event that a rollout
+        ends so."""
+        key = state, gamma, outcome
         with self._lock:
             known = self._kept.get(key)
             if known is not None:
                 self._kept.move_to_end(key)
         if known is None:
-            known = self.fleet.record(state[0], gamma)
+            known = self.fleet.record(state[0], gamma, outcome)
             with self._lock:
                 for old in [k for k in self._kept if k[0][0] == state[0] and k[0] != state]:
                     del self._kept[old]

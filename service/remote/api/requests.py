@@ -73,11 +73,13 @@ class AskFailures(_Request, frozen=True):
 
     by: what ranks first
     examine: dangerous rollouts at most to run again and group
+    outcome: the rollouts that ended so, whatever their f, instead of those with f <= gamma
     """
 
     limit: Annotated[int, Meta(ge=1, le=500)] = 20
     by: Literal["likelihood", "weight", "f"] = "likelihood"
     examine: Annotated[int, Meta(ge=1, le=10_000)] | None = None
+    outcome: Literal["collision", "off-road", "reversing", "finished", "horizon"] | None = None
 
 
 class AskRollout(_Request, frozen=True):

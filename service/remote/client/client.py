@@ -109,11 +109,14 @@ class Client(Closing):
             yield page
             after = page.next
 
-    def failures(self, job: str, limit: int = 20, by: str = "likelihood") -> "Failures":
-        """The dangerous rollouts ranked and grouped; waits while the service runs them again."""
+    def failures(
+        self, job: str, limit: int = 20, by: str = "likelihood", outcome: str | None = None
+    ) -> "Failures":
+        """The dangerous rollouts ranked and grouped, or those that ended with `outcome`; waits while the service runs
+        them again."""
         from service.analysis.failures.objects import Failures
 
-        return self._of(job, "failures", Failures, limit=limit, by=by)
+        return self._of(job, "failures", Failures, limit=limit, by=by, outcome=outcome)
 
     def rollout(
         self,

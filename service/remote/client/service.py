@@ -153,13 +153,14 @@ class RemoteRun:
         ]
         return pl.concat(pages)
 
-    def failures(self, limit: int = 20, by: Order = "likelihood") -> Failures:
-        """How the ego fails: the failure modes, and the first `limit` dangerous rollouts in the order asked for."""
-        return self.client.failures(self.job, limit, by)
+    def failures(self, limit: int = 20, by: Order = "likelihood", outcome: str | None = None) -> Failures:
+        """How the ego fails: the failure modes, and the first `limit` dangerous rollouts in the order asked for;
+        outcome: those that ended so, instead of those with f <= gamma."""
+        return self.client.failures(self.job, limit, by, outcome)
 
-    def replay(self, rank: int, by: Order = "likelihood") -> "RemoteReplay":
+    def replay(self, rank: int, by: Order = "likelihood", outcome: str | None = None) -> "RemoteReplay":
         """The dangerous rollout at that rank of `failures`, to be looked at."""
-        found = self.failures(max(rank, 1), by)
+        found = self.failures(max(rank, 1), by, outcome)
         if not 1 <= rank <= len(found.failures):
             raise InputError(
                 f"rank {rank}: job {self.job} has {found.events} dangerous rollouts, counted from 1"

@@ -214,10 +214,11 @@ class Fleet:
         self._row(job)
         return self._store.iterations(job, after, limit)
 
-    def record(self, job: str, gamma: float | None = None) -> JobRecord:
+    def record(self, job: str, gamma: float | None = None, outcome: str | None = None) -> JobRecord:
         """The job's whole record, replayed: failures, dangerous rollouts, the seeds that bring a rollout back. It reads
-        everything; keep it rather than ask again. gamma: of the event f <= gamma instead of the job's own."""
-        return replay(self.reader(job), self._row(job).job, gamma)
+        everything; keep it rather than ask again. gamma: of the event f <= gamma instead of the job's own; outcome: of
+        the event that a rollout ends so."""
+        return replay(self.reader(job), self._row(job).job, gamma, outcome)
 
     def reader(self, job: str) -> JobReader:
         """The job's chunks, as `service.evaluation.record` and `service.analysis.report` read a run directory."""

@@ -252,6 +252,7 @@ FAILURE = {
     "other": None,
     "motion": None,
     "starts": {},
+    "story": EVIL,
 }
 FAILURES = {
     "events": 3,
@@ -261,6 +262,9 @@ FAILURES = {
     "gamma": 0.5,
     "failures": [FAILURE],
     "notes": [EVIL],
+    "causes": [
+        {"name": EVIL, "share": 0.5, "share_ci": [0.1, 0.9], "rank": 1, "story": EVIL},
+    ],
     "modes": [
         {
             "mode": EVIL,
