@@ -55,7 +55,8 @@ def budget_is_an_integer(budget: int) -> None:
     """OptionsError unless budget is an integer; BudgetError above MOST_ROLLOUTS."""
     if isinstance(budget, float | np.floating) and float(budget).is_integer():
         raise OptionsError(f"budget must be an integer, not {budget!r}; write {int(budget)}")
-    at_least("budget", budget, -(2**62))
+    if isinstance(budget, bool) or not isinstance(budget, int | np.integer):
+        raise OptionsError(f"budget must be an integer, not {budget!r}")
     if budget > MOST_ROLLOUTS:
         raise BudgetError(
             f"budget must be at most {MOST_ROLLOUTS:,} rollouts, not {budget}: no run of so many ends"

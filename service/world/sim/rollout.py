@@ -21,6 +21,7 @@ from service.world.scenario.noise import Noise, PathNoise
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
 from service.world.sim.human import traits_of
+from service.world.sim.interrupts import is_users, listen, signals_seen
 from service.world.sim.latent import Latent
 from service.world.sim.road import road_of
 from service.world.sim.streams import normals_of
@@ -152,6 +153,7 @@ class Simulator:
 
         open_camera: makes the camera of an ego that wants one; None: one that renders in this process
         """
+        listen()
         self._scenario = scenario
         self._ego = ego
         self._steps = scenario.steps
@@ -248,11 +250,16 @@ class Simulator:
         (steps, vehicles, channels).
 
         An exception on the way, from the ego or from SUMO, makes a recorded rollout with outcome "error" and
-        f = NaN; it is not raised.
+        f = NaN; it is not raised. Only the user's Ctrl-C is.
         """
         self.in_sumo += 1
+        interrupts = signals_seen()
         try:
             return self._run(x, noise_seed, observer, action_noise)
+        except KeyboardInterrupt as error:
+            if is_users(interrupts):
+                raise
+            return Rollout(math.nan, "error", 0, f"{type(error).__name__}: {error}")
         # any failure of a black box, sys.exit included, is a result with its seed, never a lost rollout
         except (Exception, SystemExit) as error:
             return Rollout(math.nan, "error", 0, f"{type(error).__name__}: {error}")

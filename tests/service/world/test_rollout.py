@@ -7,6 +7,7 @@ import itertools
 import json
 import math
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -191,6 +192,10 @@ def _fail(k: int):
     raise RuntimeError(f"sensor lost at step {k}")
 
 
+def _interrupt() -> tuple[float, float]:
+    raise KeyboardInterrupt("not the user")
+
+
 BAD_ANSWERS = {
     "exception": (lambda k: (0.0, 0.0) if k < 3 else _fail(k), "RuntimeError: sensor lost at step 3"),
     "nan": (lambda k: (math.nan, 0.0), "EgoError: ego 'scripted' answered (nan, 0.0) at 0.0 s"),
@@ -199,6 +204,7 @@ BAD_ANSWERS = {
     "three numbers": (lambda k: (0.0, 0.0, 0.0), "ValueError"),
     "text": (lambda k: ("1.0", "0.0"), "TypeError"),
     "exit": (lambda k: sys.exit(3), "SystemExit: 3"),
+    "an interrupt of its own": (lambda k: _interrupt(), "KeyboardInterrupt: not the user"),
     "an array for each": (lambda k: (np.zeros(2), np.zeros(2)), "TypeError"),
 }
 
@@ -333,3 +339,21 @@ def test_background_traffic_changes_what_happens(simulate, make_scenario, draws)
     alone = [simulate(plain).run(row, seed).f for row, seed in zip(x, noise_seeds, strict=True)]
     among = [simulate(busy).run(row, seed).f for row, seed in zip(x, noise_seeds, strict=True)]
     assert alone != among
+
+
+def test_the_users_own_interrupt_ends_the_run(simulate, make_scenario, draws):
+    """Told by its signal, which comes while the ego thinks."""
+    scenario = make_scenario(TWO_SECONDS)
+    x, noise_seeds = draws(scenario, 2)
+    asked = [True]
+
+    def answer(k: int) -> tuple[float, float]:
+        if asked[0]:
+            signal.raise_signal(signal.SIGINT)
+        return 0.0, 0.0
+
+    simulator = simulate(scenario, ScriptedEgo(answer))
+    with pytest.raises(KeyboardInterrupt):
+        simulator.run(x[0], noise_seeds[0])
+    asked[0] = False
+    assert simulator.run(x[0], noise_seeds[0]).error is None
