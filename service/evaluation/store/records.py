@@ -12,6 +12,7 @@ from service.evaluation.store.chunk import Chunk, Origin, chunk_of, row_of
 from service.evaluation.store.database import add_to_tally, cannot_read, insert_once, reason, shown, writing
 from service.evaluation.store.tables import chunks, tallies, voids
 
+ChunkName = tuple[str, int, int, int]  # phase, iteration, start, epoch
 _KEY = ("job", "phase", "iteration", "start", "epoch")
 
 
@@ -62,6 +63,11 @@ class ChunkRecord:
         query = self._of(job).where(sa.tuple_(*ordered) >= sa.tuple_(*key)).order_by(*ordered)
         for row in self._read(query):
             yield row.phase, row.iteration, chunk_of(row), Origin(row.worker, row.epoch)
+
+    def names(self, job: str) -> list[ChunkName]:
+        """Phase, iteration, start and epoch of every chunk, in the order of `rows`, without reading what they hold."""
+        key = (chunks.c.phase, chunks.c.iteration, chunks.c.start, chunks.c.epoch)
+        return [tuple(row) for row in self._read(self._of(job).with_only_columns(*key).order_by(*key))]
 
     def digest(self, job: str) -> str:
         """Of all that decides what the job comes to: its chunks' rows, draws, values and epochs."""

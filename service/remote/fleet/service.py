@@ -20,6 +20,7 @@ from service.evaluation.store.jobs import Event, JobRow, Mark
 from service.evaluation.store.reader import JobReader
 from service.evaluation.summary import Cost, summary_of
 from service.remote.fleet import events as E
+from service.remote.fleet.chunk_memory import ChunkMemory
 from service.remote.fleet.errors import NoSuchJob
 from service.remote.fleet.hub import Hub
 from service.remote.fleet.scheduler import Scheduler
@@ -110,6 +111,7 @@ class Fleet:
     def __init__(self, hub: Hub):
         self._hub = hub
         self._store = hub.store
+        self._chunks = ChunkMemory(hub.store.chunks)
         self._submitting = threading.Lock()
 
     # -- jobs ------------------------------------------------------------------------------------------------
@@ -194,10 +196,9 @@ class Fleet:
         """The estimate so far as `tailroad estimate --json` prints it, from the batches that are complete; at another
         threshold or confidence where given. Of a job that failed p and its interval are withheld."""
         row, found = self._row(job), self._estimate(job, gamma, confidence)
-        cost = Cost(0)
-        worker_s, steps, in_sumo = self._store.cost(job)
-        cost.add(worker_s, steps * row.job.scenario.time.step_s, in_sumo)
-        endings = endings_of(found, self.reader(job).all_chunks(row.job.id))
+        cost, read = Cost(0), self._chunks.of(row.id)
+        cost.add(read.worker_s, read.steps * row.job.scenario.time.step_s, read.in_sumo)
+        endings = endings_of(found, read.chunks)
         told = summary_of(msgspec.structs.replace(row.job, gamma=found.gamma), found, cost, endings)
         return told | WITHHELD if row.status == "failed" else told
 
