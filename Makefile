@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate test check lint docs bench bench-camera calibration calibration-peers guides faults bench-fleet fuzz foreign-clients drivers ego-vision schema example-ego format clean
+.PHONY: help estimate test check lint docs bench bench-camera calibration calibration-peers guides faults attentive bench-fleet fuzz foreign-clients drivers ego-vision schema example-ego format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
@@ -17,6 +17,7 @@ help:
 	@echo "make calibration-peers  other libraries on the same problems (an hour)"
 	@echo "make guides    follow the guides for newcomers word by word (minutes)"
 	@echo "make faults     kill workers and scheduler many times, play long random fleets (half an hour or more)"
+	@echo "make attentive  100,000 rollouts of drivers who look: none runs into the one ahead (minutes)"
 	@echo "make bench-fleet  what the scheduler costs with 200 workers and over a million rollouts"
 	@echo "make fuzz       100,000 wrong inputs to everything that reads from outside (ten minutes or more; goes on where it stopped)"
 	@echo "make foreign-clients  build zenohd with its REST plugin and a client in Rust, and use the service by them (needs cargo; twenty minutes)"
@@ -62,6 +63,10 @@ guides: $(VENV)/.installed-dev
 
 faults: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m long tests/service/remote/fleet
+
+# Drivers who look, in 100,000 rollouts: minutes.
+attentive: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -m long tests/service/studies/human
 
 fuzz: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.fuzz.run --payloads 100000 --seed 1 --out build/fuzz

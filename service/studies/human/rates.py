@@ -22,7 +22,7 @@ from service.studies.reproduce.tables import Table
 
 CONFIDENCE = 0.95
 NORMAL_QUANTILE = 1.959964  # of that confidence, two-sided
-EPSILONS = (0.0, 0.001, 0.003, 0.01, 0.02, 0.03, 0.05, 0.1)  # of the table of rates by epsilon
+EPSILONS = (0.0, 0.01, 0.03, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5)  # of the table of rates by epsilon
 PARTS = ("first 10 s", "after", "together")
 MILLION = 1e6
 SPEEDS = (0.05, 0.25, 0.5, 0.75, 0.95)  # quantiles of delta-v

@@ -85,6 +85,22 @@ def test_drivers_who_look_do_not_run_into_the_one_ahead():
     assert len(found) == 0
 
 
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+def test_drivers_who_look_never_run_into_the_one_ahead():
+    """10^5 rollouts, three fast cars behind slow ones in each: no rear-end, so below 1.2e-5 a car at 95%."""
+    drivers, scenario = load_drivers("drivers-gail"), approach(0.0, every_s=1e6)
+    base = base_distribution(scenario, drivers)
+    counter = Counter(scenario, load_corridor("i80"), drivers, "idm")
+    tallies = np.zeros((2, W.TALLIES))
+    for first in range(0, 100_000, 250):
+        x, seeds = ce.draw(base, 9, "estimate", 0, first, first + 250)
+        for draw, seed in zip(x, seeds.tolist(), strict=True):
+            _, _, rows = counter.run(draw, seed, tallies)
+            assert not (rows[:, W.KIND] == W.REAR_END).any(), f"rollout {first}, seed {seed}"
+    assert tallies[:, W.EVADING_S].sum() > 1e4  # there was something to react to
+
+
 def test_more_leaks_are_more_contacts():
     counted = [
         sum((rows[:, W.KIND] != W.NEAR_CRASH).sum() for rows in contacts(approach(epsilon), 600, away=True))
