@@ -295,3 +295,30 @@ def test_clients_have_a_right_to_every_key_of_the_api():
     text = (SCRIPT.parent / "scheduler.json5").read_text(encoding="utf-8")
     granted = set(re.findall(r'"tailroad/v1/([a-z]+)(?:/\*{1,2})?"', text))
     assert granted == {*TOPS}
+
+
+def test_a_worker_host_has_a_certificate_of_its_own_and_is_shut_out_by_it_alone(tmp_path):
+    keys = make_security(tmp_path, "--worker", "a", "--worker", "b")
+    before = {
+        name: (keys / name).read_bytes() for name in ("authority.pem", "worker-b.pem", "worker-b-key.pem")
+    }
+    for revoked, may in (((), {"a": True, "b": True}), (("--revoke", "a"), {"a": False, "b": True})):
+        if revoked:
+            make_security(tmp_path, *revoked)
+        scheduler = Scheduler(keys)
+        try:
+            for name, granted in may.items():
+                with client_session(
+                    [scheduler.endpoint], str(keys / f"worker-{name}.json5"), PATIENCE_S
+                ) as own:
+                    answers = [r.ok for r in own.get(WORK, payload=b"x", timeout=PATIENCE_S) if r.ok]
+                    assert bool(answers) == granted, name
+                    links = {link.auth_identifier for link in scheduler.session.info.links()}
+                    assert f"tailroad-worker-{name}" in links
+        finally:
+            scheduler.session.close()
+    assert before == {name: (keys / name).read_bytes() for name in before}
+    again = subprocess.run(
+        [SCRIPT, keys, "--worker", "a", "head.example.org"], capture_output=True, text=True
+    )
+    assert (again.returncode, "a was revoked" in again.stderr) == (2, True)
