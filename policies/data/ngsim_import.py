@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from policies.data.coarse_clock import coarse_locations, periods, told
+from policies.data.file_kinds import refuse_foreign, unpacked
 from policies.data.ngsim_flags import finish
 from policies.data.ngsim_pack import class_name, read_pack
 from policies.data.ngsim_schema import DT_S, FLAGS, METRES_PER_FOOT, SCHEMA, FormatError
@@ -38,27 +40,33 @@ def import_file(path: Path, out: Path, units: str = "auto") -> dict[str, Any]:
     """
     if not path.is_file():
         raise FormatError(path, "no such file", "a text, CSV or Parquet file")
+    name = path.name.removesuffix(".gz").removesuffix(".zip").rpartition(".")[0] or path.stem
     out.mkdir(parents=True, exist_ok=True)
     work = Path(tempfile.mkdtemp(prefix=".import-", dir=out))
     try:
         try:
-            source, detected, recordings = _recordings(path, work, units)
+            notes: list[str] = []
+            source, detected, recordings = _recordings(unpacked(path, work), work, units, notes)
             summaries = [_stage(table, work / "done", i) for i, table in enumerate(recordings)]
+        except FormatError as error:  # of a file that was unpacked, by the name it was given by
+            raise FormatError(path, error.found, error.expected, error.line, error.column) from error
         except (pl.exceptions.PolarsError, OSError) as error:
             raise FormatError(path, f"a file that cannot be read ({error})", "a readable file") from error
         whole = pl.scan_parquet(work / "done" / "*.parquet")
-        report = _report(path, source, detected, whole, summaries)
+        report = _report(path, source, detected, whole, summaries) | {"notes": notes}
         whole.sink_parquet(work / "table.parquet", compression="zstd")
         (work / "report.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-        os.replace(work / "table.parquet", out / f"{path.stem}.parquet")
-        os.replace(work / "report.json", out / f"{path.stem}.json")
+        os.replace(work / "table.parquet", out / f"{name}.parquet")
+        os.replace(work / "report.json", out / f"{name}.json")
     finally:
         shutil.rmtree(work, ignore_errors=True)
     return report
 
 
-def _recordings(path: Path, work: Path, units: str) -> tuple[str, str, Iterator[pl.DataFrame]]:
-    """The layout, the units found, and finished tables, one a recording."""
+def _recordings(
+    path: Path, work: Path, units: str, notes: list[str]
+) -> tuple[str, str, Iterator[pl.DataFrame]]:
+    """The layout, the units found, and finished tables, one a recording; what there is to say is added to `notes`."""
     with open(path, "rb") as file:
         start = file.read(4)
     if start == b"PAR1" or path.suffix == ".parquet":
@@ -67,13 +75,15 @@ def _recordings(path: Path, work: Path, units: str) -> tuple[str, str, Iterator[
         return source, "feet" if feet else "metres", tables
     as_csv = is_csv(path)
     source = "ngsim-csv" if as_csv else "ngsim-text"
+    if not as_csv:
+        refuse_foreign(path)
     raw = work / "raw"
     raw.mkdir()
     for i, block in enumerate(read_csv(path) if as_csv else read_text(path)):
         _plain(block, path.stem).write_parquet(raw / f"{i:06d}.parquet", compression="lz4")
     staged = pl.scan_parquet(raw / "*.parquet")
     detected = _units(staged) if units == "auto" else units
-    return source, detected, _split(staged, source, detected)
+    return source, detected, _split(path, staged, source, detected, notes)
 
 
 def _plain(block: pl.DataFrame, location: str) -> pl.DataFrame:
@@ -94,7 +104,15 @@ def _units(staged: pl.LazyFrame) -> str:
     return "metres" if median is not None and median < FEET_FROM else "feet"
 
 
-def _split(staged: pl.LazyFrame, source: str, units: str) -> Iterator[pl.DataFrame]:
+def _split(
+    path: Path, staged: pl.LazyFrame, source: str, units: str, notes: list[str]
+) -> Iterator[pl.DataFrame]:
+    coarse = coarse_locations(staged)
+    for location, times in coarse.items():
+        notes.append(told(location, times))
+        for number, rows in enumerate(periods(path, staged, location)):
+            yield _metres(rows, source, units, f"{location} period {number + 1}")
+    staged = staged.filter(~pl.col("location").is_in(list(coarse)))
     starts = staged.select("location", "start_s").unique().collect().sort("location", "start_s")
     for (location,), group in starts.group_by(["location"], maintain_order=True):
         here = pl.col("location") == location

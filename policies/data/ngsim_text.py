@@ -98,7 +98,7 @@ def header(path: Path, line: bytes) -> list[str]:
         given = next(csv.reader([line.decode("utf-8").lstrip("\ufeff").rstrip("\r")], strict=True), [])
     except (csv.Error, UnicodeDecodeError) as error:
         raise FormatError(path, f"a header that is not CSV ({error})", "names with commas", 1) from error
-    names = [HEADER.get(name.strip().lower(), "") for name in given]
+    names = [HEADER.get(plain_name(name), "") for name in given]
     for needed in NEEDED:
         if needed not in names:
             label = next(k for k, v in HEADER.items() if v == needed)
@@ -113,7 +113,12 @@ def is_csv(path: Path) -> bool:
     """Whether the first line has a vehicle_id header."""
     with open(path, "rb") as file:
         head = file.readline(LONGEST_LINE).lower()
-    return b"," in head and b"vehicle_id" in head
+    return b"," in head and (b"vehicle_id" in head or b"vehicle id" in head)
+
+
+def plain_name(name: str) -> str:
+    """A column's name as HEADER has it, whether written with blanks or underscores."""
+    return name.strip().lower().replace(" ", "_")
 
 
 def _blocks(path: Path, size: int) -> Iterator[tuple[int, bytes]]:

@@ -184,7 +184,8 @@ def test_a_malformed_line_is_named_with_line_and_column(tmp_path, bad, message):
     [
         (b"", "no rows"),
         (b"\n\n", "no rows"),
-        (b"\xff\xfe\x00", r"line 1, column byte 1: found byte 0xff, expected text in UTF-8"),
+        (b"\xff\xfe\x00", "found text in UTF-16, expected text in UTF-8"),
+        (b"\xfa\xfe\x00", r"line 1, column byte 1: found byte 0xfa, expected text in UTF-8"),
         (HEADER.encode(), "no rows"),
         (HEADER.replace("v_Vel", "vel").encode() + b"\n", "line 1: .*expected a column named v_vel"),
         (HEADER.replace("v_Width", "v_Vel").encode() + b"\n", "'v_Vel' twice"),

@@ -153,6 +153,8 @@ def _print(report: dict[str, Any], path: Path) -> None:
     )
     table.add_row("rows", f"{report['rows']:,} ({report['rows_without_flag']:,} without a flag)")
     table.add_row("vehicles, frames", f"{report['vehicles']:,}, {report['frames']:,}")
+    for note in report["notes"]:
+        table.add_row("note", note)
     table.add_row("recordings, time", f"{len(report['recordings'])}, {report['span_s']:,.1f} s")
     table.add_row("rows by lane", ", ".join(f"{lane}: {n:,}" for lane, n in report["rows_by_lane"].items()))
     speeds = {k: v for k, v in report["speed_percentiles_mps"].items() if v is not None}
