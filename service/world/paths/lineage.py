@@ -16,13 +16,21 @@ from service.world.sim.latent import CHANNELS, Latent
 from service.world.sim.streams import REDRAWN
 
 
-def draw_of(scenario: Scenario, layout: Layout, latent: tuple, x: np.ndarray, noise: PathNoise) -> np.ndarray:
+def draw_of(
+    scenario: Scenario,
+    layout: Layout,
+    latent: Latent | None,
+    constants: tuple,
+    x: np.ndarray,
+    noise: PathNoise,
+) -> np.ndarray:
     """x (d,) with the causes of the path.
 
+    latent: of human drivers; None for others, whose draw stays as it is
+    constants: `service.world.paths.noise.constants_of`
     x: of the root
-    latent: `service.world.paths.noise.constants_of`
     """
-    if scenario.human is None:
+    if latent is None:
         return x.copy()
     vehicles, steps = len(scenario.vehicles), scenario.steps
     others = [i for i in range(vehicles) if i != layout.ego]
@@ -34,11 +42,19 @@ def draw_of(scenario: Scenario, layout: Layout, latent: tuple, x: np.ndarray, no
         normals = np.empty((end - begin, vehicles, CHANNELS))
         words = np.empty(REDRAWN * vehicles + normals.size, np.uint64)
         happens_on(
-            np.uint64(key), begin, layout.ego, causes, state, *latent, words, normals, np.empty_like(normals)
+            np.uint64(key),
+            begin,
+            layout.ego,
+            causes,
+            state,
+            *constants,
+            words,
+            normals,
+            np.empty_like(normals),
         )
         parts.append(normals)
     found = x.copy()
     found[columns[:, None] + np.arange(CAUSES)] = causes[others]
-    modes = Latent(scenario).modes_in(np.concatenate(parts)).reshape(vehicles, -1)
+    modes = latent.modes_in(np.concatenate(parts)).reshape(vehicles, -1)
     found[columns[:, None] + np.arange(MODES, layout.width)] = modes[others]
     return found

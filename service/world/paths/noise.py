@@ -114,12 +114,12 @@ def happens_on(
         )  # fmt: skip
 
 
-def constants_of(scenario: Scenario) -> tuple[Any, ...]:
+def constants_of(scenario: Scenario, latent: Latent | None) -> tuple[Any, ...]:
     """What `happens_on` reads from `long_rate` to `leak_share`; of drivers who are not human nothing is read but the
     step."""
-    if scenario.human is None:
+    if scenario.human is None or latent is None:
         none = np.zeros(2)
         return 1.0, 1.0, none, none, scenario.time.step_s, 1.0, 1.0, 1.0, 1.0, -math.inf, 0.0
     glances = scenario.human.glances
     share = share_long(glances)
-    return share / glances.every_s, share, *Latent(scenario).fixed[2:]
+    return share / glances.every_s, share, *latent.fixed[2:]

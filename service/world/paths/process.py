@@ -16,7 +16,7 @@ from service.world.scenario.causes import GRID
 from service.world.scenario.noise import PathNoise
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
-from service.world.sim.rollout import OUTCOMES
+from service.world.sim.latent import Latent
 from service.world.sim.without_sumo import MEASURES, WithoutSumo, can_leave_out_sumo, compiled_egos
 from sumo_nets.corridor import Corridor
 
@@ -56,7 +56,8 @@ class HighwayPaths:
         self._scenario = scenario
         self._alone = WithoutSumo(scenario, corridor, drivers, ego)
         self._layout = layout_of(scenario)
-        self._latent = constants_of(scenario)
+        self._latent = None if scenario.human is None else Latent(scenario)
+        self._constants = constants_of(scenario, self._latent)
         self.base: ce.Product = base_distribution(scenario, drivers)
         every = max(round(checkpoint_s / scenario.time.step_s), 1)
         self.checkpoints: tuple[int, ...] = (*range(0, scenario.steps, every), scenario.steps)
@@ -103,7 +104,7 @@ class HighwayPaths:
         parts = self._alone.parts
         drive_all(
             np.ascontiguousarray(keys, dtype=np.uint64), until, self._layout.ego, parts.ego, parts.network, parts.road,
-            self._latent, self._scenario.time.step_s, parts.measure, parts.traits, s.agents, s.observations, s.minds,
+            self._constants, self._scenario.time.step_s, parts.measure, parts.traits, s.agents, s.observations, s.minds,
             s.noise, s.causes, s.heads, s.smallest, s.status, s.at, s.driven,
         )  # fmt: skip
         return s
@@ -116,7 +117,4 @@ class HighwayPaths:
         """
         own = [int(k) for k in keys[: max(np.count_nonzero(keys), 1)]]
         noise = PathNoise(seed, self.checkpoints[: len(own)], tuple(own))
-        return draw_of(self._scenario, self._layout, self._latent, x, noise), noise
-
-    def outcome_name(self, status: int) -> str:
-        return OUTCOMES[status]
+        return draw_of(self._scenario, self._layout, self._latent, self._constants, x, noise), noise
