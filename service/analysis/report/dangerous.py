@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
+
 from service.analysis.exposure import Exposure, exposure_of
 from service.analysis.failures.examine import examine
 from service.analysis.failures.find import Found, find_failures
@@ -12,6 +14,10 @@ from service.analysis.failures.rerun import Open
 from service.analysis.failures.tell import failure_of
 from service.analysis.learned.learn import learned_of
 from service.analysis.learned.objects import Learned
+from service.analysis.prevention.kept import kept
+from service.analysis.prevention.objects import Prevention
+from service.analysis.severity.objects import Severity
+from service.analysis.severity.severe import severity_of
 from service.analysis.trace import Trace
 from service.evaluation.record import JobRecord
 
@@ -44,6 +50,8 @@ class Findings:
     rollouts: tuple[ShownRollout, ...] = ()
     exposure: Exposure | None = None
     learned: dict[str, Learned] = field(default_factory=dict)  # by job
+    severity: Severity | None = None  # where there were contacts
+    prevention: Prevention | None = None  # where `tailroad prevent` was asked before
 
 
 def findings_of(
@@ -66,6 +74,8 @@ def findings_of(
         traced = examine(found.examined.events, rerunner, (), 0, shown, folder)
         learned = learned_of(record.job.id, record, rerunner)
     rank = {position: i for i, position in enumerate(found.ranking, start=1)}
+    touched = any(found.examined.reruns[i].contact is not None for i in found.examined.sample.tolist())
+    asked = None if folder is None else kept(folder, record.job.id, record.estimate.gamma, len(traced.events))
     rollouts = [
         ShownRollout(
             record,
@@ -74,7 +84,14 @@ def findings_of(
         )
         for i in shown
     ]
-    return Findings(found.failures, tuple(rollouts), exposure, {record.job.id: learned})
+    return Findings(
+        found.failures,
+        tuple(rollouts),
+        exposure,
+        {record.job.id: learned},
+        severity_of(run, found.examined) if touched else None,
+        None if asked is None else msgspec.structs.replace(asked, rollouts=()),
+    )
 
 
 def worth_drawing(found: Found, count: int) -> list[int]:

@@ -93,6 +93,8 @@ def facts_of(
         dangerous=tuple(_dangerous(r, apart[r.record.job.id]) for r in seen.rollouts),
         commands=tuple(words.commands([r.job for r in records])),
         versions=_versions(first.tailroad),
+        severity=seen.severity,
+        prevention=seen.prevention,
     )
     facts: dict[str, Any] = json_ready(msgspec.to_builtins(report, enc_hook=np.generic.item))
     msgspec.convert(facts, Report)  # what is written is what the published schema says

@@ -10,7 +10,9 @@ import msgspec
 from service.analysis.estimate_parts import EstimateWarning, Rollouts
 from service.analysis.failures.objects import Failure, Modes
 from service.analysis.learned.objects import Learned
+from service.analysis.prevention.objects import Prevention
 from service.analysis.risk import Risk
+from service.analysis.severity.objects import Severity
 from service.evaluation.summary import Ending
 
 FORMAT = 2
@@ -249,3 +251,7 @@ class Report(_Fact, frozen=True, kw_only=True):
     dangerous: tuple[Dangerous, ...]
     commands: tuple[str, ...]
     versions: dict[str, str]
+    severity: Severity | None = None  # of the contacts among the dangerous rollouts that were run again
+    prevention: Prevention | None = (
+        None  # as `tailroad prevent` found it before, without the list of rollouts
+    )

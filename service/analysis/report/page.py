@@ -24,6 +24,7 @@ SECTIONS = {  # a template each, in this order, with its title in the list of se
     "search": "The search",
     "learned": "What it learned",
     "modes": "How it fails",
+    "verdict": "Severity and prevention",
     "dangerous": "Dangerous rollouts",
     "failures": "Failed rollouts",
     "method": "Method and limits",

@@ -11,10 +11,12 @@ from service.analysis.prevention.kept import keep
 from service.analysis.prevention.objects import Prevention
 from service.analysis.prevention.onset import TTC_S
 from service.analysis.prevention.prevent import DEFAULT, prevent
+from service.analysis.run.both_drives import write_both
 from service.analysis.run.records import record_of
 from service.analysis.severity.masses import masses_of
 from service.analysis.severity.objects import Severity
 from service.analysis.severity.severe import SPEEDS_MPS, severity_of
+from service.analysis.trace import Trace
 from service.errors import InputError
 from service.evaluation.cores import core_count
 from service.world.egos.here import ego_name
@@ -47,6 +49,27 @@ def prevention_of(
     found = prevent(run.name, record, names, order, most, onset_ttc_s, workers or core_count(), watch)
     keep(run, found)
     return found
+
+
+def film_of(
+    run: Path,
+    rank: int,
+    path: Path,
+    job: str | None = None,
+    reference: str = DEFAULT[0],
+    order: Order = "likelihood",
+    onset_ttc_s: float = TTC_S,
+) -> tuple[Trace, Trace, float]:
+    """Write a film of the dangerous rollout at that rank, as it was and below it with the reference driver; both traces
+    and when he takes over (s). InputError where there is no such rank or reference."""
+    check_reference(reference)
+    record, _ = record_of(run, job)
+    events = events_of(record)
+    if not 1 <= rank <= len(events):
+        raise InputError(f"rank {rank}: {run} has {len(events)} dangerous rollouts, counted from 1")
+    ((x, noise_seed),) = events.drawn([int(events.ranking(order)[rank - 1])])
+    title = f"{run.name}, rank {rank} by {order}"
+    return write_both(record.job, x, noise_seed, reference, onset_ttc_s, path, title)
 
 
 def severity_of_run(

@@ -15,7 +15,7 @@ from service.analysis.prevention.objects import Part, Prevention
 from service.analysis.prevention.onset import TTC_S
 from service.analysis.prevention.prevent import DEFAULT
 from service.analysis.wording import quantity, significant
-from service.front.cli.options import json_option, workers_option
+from service.front.cli.options import json_option, require_folder, workers_option
 from service.front.cli.progress import progress_bar
 from service.front.cli.runs import method_option, run_argument
 from service.front.cli.tables import whole
@@ -47,6 +47,10 @@ def _seconds(ctx: click.Context, param: click.Parameter, value: str) -> float:
               help="The order that ranks count in, as of `tailroad failures`.")  # fmt: skip
 @click.option("--examine", type=click.IntRange(1), default=EXAMINED, show_default=True,
               help="Dangerous rollouts at most to drive again.")  # fmt: skip
+@click.option("--video", type=click.Path(dir_okay=False, path_type=Path),
+              help="Instead: a film (.mp4) of one rollout as it was and with the first reference driver.")  # fmt: skip
+@click.option("--rank", type=click.IntRange(1), default=1, show_default=True,
+              help="With --video: which dangerous rollout.")  # fmt: skip
 @workers_option()
 @json_option()
 def command(
@@ -56,6 +60,8 @@ def command(
     onset_ttc_s: float,
     order: Order,
     examine: int,
+    video: Path | None,
+    rank: int,
     workers: int | None,
     as_json: bool,
 ) -> None:
@@ -66,6 +72,9 @@ def command(
     """
     from service.analysis.run.verdicts import prevention_of
 
+    if video is not None:
+        _film(run, method, references[0], onset_ttc_s, order, rank, video)
+        return
     with progress_bar() as bar:
         task = bar.add_task("conflicts", total=None, note="")
         found = prevention_of(
@@ -76,6 +85,20 @@ def command(
         click.echo(msgspec.json.format(msgspec.json.encode(found), indent=2).decode())
     else:
         _print(run, found)
+
+
+def _film(
+    run: Path, method: str | None, reference: str, onset_ttc_s: float, order: Order, rank: int, video: Path
+) -> None:
+    """Write the film of one rollout, and say what it came to."""
+    from service.analysis.run.verdicts import film_of
+
+    require_folder(video, "--video")
+    before, after, onset_s = film_of(run, rank, video, method, reference, order, onset_ttc_s)
+    click.echo(
+        f"f = {significant(before.rollout.f)} ({before.rollout.outcome}); with {reference} from {onset_s:.1f} s on "
+        f"{significant(after.rollout.f)} ({after.rollout.outcome})\n{video}"
+    )
 
 
 def _print(run: Path, found: Prevention) -> None:

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import cv2
 import msgspec
 import pytest
 from click.testing import CliRunner, Result
@@ -10,6 +11,7 @@ from click.testing import CliRunner, Result
 import tailroad
 from service.analysis.prevention.objects import Prevention
 from service.analysis.severity.objects import Severity
+from service.analysis.video.film import HEIGHT, WIDTH
 from service.front.cli.main import main
 
 
@@ -59,6 +61,26 @@ def test_prevention_is_told_and_printed(run: Path):
     assert all(rollout.onset is not None and rollout.onset.step == 0 for rollout in found.rollouts)
     printed = tell("prevent", run, "--reference", "fsm", "--workers", "1").output
     assert "preventable share" in printed
+
+
+def test_both_drives_are_filmed_one_above_the_other(run: Path, tmp_path: Path):
+    film = tmp_path / "both.mp4"
+    answer = tell("prevent", run, "--reference", "fsm", "--video", film)
+    assert answer.exit_code == 0, answer.output
+    assert "with fsm from" in answer.output
+    read = cv2.VideoCapture(str(film))
+    assert (read.get(cv2.CAP_PROP_FRAME_WIDTH), read.get(cv2.CAP_PROP_FRAME_HEIGHT)) == (WIDTH, 2 * HEIGHT)
+    assert read.get(cv2.CAP_PROP_FRAME_COUNT) > 10
+    assert tell("prevent", run, "--video", film, "--rank", "10000").exit_code == 2
+
+
+def test_the_report_tells_severity_and_what_was_found_before(run: Path, tmp_path: Path):
+    kept = json.loads(tell("prevent", run, "--reference", "fsm", "--json", "--workers", "1").stdout)
+    page = tailroad.resume(run, workers=1).report(tmp_path / "report.html")
+    facts = json.loads(page.with_suffix(".json").read_text())
+    assert facts["prevention"]["references"] == kept["references"]
+    assert facts["severity"]["contact"]["events"] >= 1
+    assert "Preventable share of each failure mode" in page.read_text()
 
 
 @pytest.mark.parametrize(
