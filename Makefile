@@ -4,10 +4,11 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate test check lint docs bench bench-camera calibration calibration-peers guides faults attentive bench-fleet fuzz foreign-clients drivers ego-vision schema example-ego format clean
+.PHONY: help estimate contacts test check lint docs bench bench-camera calibration calibration-peers guides faults attentive bench-fleet fuzz foreign-clients drivers ego-vision schema example-ego format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
+	@echo "make contacts   how probable a contact of the lidar ego is among drivers who err (METHOD=, BUDGET=)"
 	@echo "make test       install everything; format, lint, types, import contracts, documentation, tests"
 	@echo "make check      the same without the tests"
 	@echo "make docs       build the documentation into build/docs, and check it"
@@ -32,6 +33,13 @@ help:
 estimate: $(VENV)/.installed
 	$(BIN)/tailroad estimate i80-paper-10s --ego lidar-paper --gamma 0.5 --method naive --method ce --budget 20000 --seed 1 \
 	  --iterations 4 --samples-per-iteration 1500 --rho 0.1 --mean-box 0.0001 --max-kl 2.5
+
+# Contacts of the ego `lidar` among drivers who err, counted and by METHOD; one in some 10^5 to 10^6 drives, too rare for
+# counting in minutes.
+METHOD ?= paths
+BUDGET ?= 20000
+contacts: $(VENV)/.installed
+	$(BIN)/tailroad estimate i80-10s --ego lidar --gamma 0 --method naive --method $(METHOD) --budget $(BUDGET) --seed 1
 
 # Test files are spread over the cores, four at most: many of them start processes of their own.
 # One of them builds the documentation.

@@ -7,7 +7,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from policies.egos import ego_names
+from policies.egos import ego_digest, ego_names
 from service.evaluation.cores import core_count
 from service.front.cli.options import json_option
 from service.front.cli.progress import stderr
@@ -18,7 +18,11 @@ from service.world.scenario import load_scenario
 @click.command()
 @click.argument("scenario", default="i80-10s")
 @click.option(
-    "--ego", "egos", multiple=True, type=click.Choice(ego_names()), help="Once for each.  [default: all]"
+    "--ego",
+    "egos",
+    multiple=True,
+    type=click.Choice(ego_names()),
+    help="Once for each.  [default: all, of egos with the same weights the first]",
 )
 @click.option(
     "--rollouts", type=click.IntRange(1), default=100, show_default=True, help="A round of a measurement."
@@ -32,7 +36,7 @@ def command(scenario: str, egos: tuple[str, ...], rollouts: int, memory_rollouts
     cores = core_count()
     result: dict = {"scenario": loaded.name, "cores": cores, "processor": platform.processor() or platform.machine(),
                     "egos": {}}  # fmt: skip
-    for ego in egos or ego_names():
+    for ego in egos or distinct_egos():
         stderr.print(f"measuring {ego} ...")
         measured = bench.speed(loaded, ego, rollouts)
         result["egos"][ego] = measured | {"parts_us_per_step": bench.parts(loaded, ego, measured)}
@@ -45,6 +49,14 @@ def command(scenario: str, egos: tuple[str, ...], rollouts: int, memory_rollouts
         click.echo(json.dumps(result, indent=2))
     else:
         _print(result)
+
+
+def distinct_egos() -> list[str]:
+    """The built-in egos, of those that drive by the same weights the first alone."""
+    by_weights: dict[str, str] = {}
+    for name in ego_names():
+        by_weights.setdefault(ego_digest(name) or name, name)
+    return list(by_weights.values())
 
 
 def _print(result: dict) -> None:
