@@ -1,6 +1,8 @@
 """The scene as triangle meshes of trimesh: for standard tools, and for checking the renderer against a ray caster."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -15,6 +17,7 @@ from service.world.camera.scene import Scene
 
 LIFT_M = 0.01  # of each layer of the ground above the one below: in a viewer they would flicker
 COUNTRY_M = 800.0  # open country round everything else
+COLOURS = "exact colours"  # of materials by name, in a scene's metadata
 TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]])
 # glTF's y is up; its -z is the network's y
 Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
@@ -76,6 +79,7 @@ def meshes(scene: Scene, poses: np.ndarray | None = None) -> trimesh.Scene:
     every, colour, kind = (np.concatenate([p[i] for p in parts]) for i in range(3))
     surfaces, which = np.unique(np.column_stack([kind, colour]).round(6), axis=0, return_inverse=True)
     made = trimesh.Scene()
+    made.metadata[COLOURS] = {}
     for i, surface in enumerate(surfaces):
         code = int(surface[0])
         name = f"vehicle {code - VEHICLE_ID}" if code >= VEHICLE_ID else Label(code).name.lower()
@@ -88,6 +92,7 @@ def meshes(scene: Scene, poses: np.ndarray | None = None) -> trimesh.Scene:
                 roughnessFactor=0.9,
             )
         )
+        made.metadata[COLOURS][f"{name} {i}"] = [*surface[1:].tolist(), 1.0]
         made.add_geometry(mesh, geom_name=f"{name} {i}", node_name=f"{name} {i}")
     return made
 
@@ -103,8 +108,21 @@ def export(scene: Scene, path: Path, poses: np.ndarray | None = None) -> None:
         raise InputError(f"{path}: meshes are written as .glb, .obj, .ply or .stl; give such a file")
     made = meshes(scene, poses)
     if kind == "glb":
-        made.apply_transform(Y_UP)
+        for mesh in made.geometry.values():  # the vertices themselves: not every reader minds nodes
+            mesh.apply_transform(Y_UP)
+    options = {"tree_postprocessor": _exact_colours(made)} if kind == "glb" else {}
     try:
-        made.export(str(path))
+        made.export(str(path), **options)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+
+
+def _exact_colours(made: trimesh.Scene) -> Callable[[dict[str, Any]], None]:
+    """Puts reflectances into a glTF tree as they are: trimesh keeps base colours in bytes, 18% off for dark ones."""
+    exact = made.metadata[COLOURS]
+
+    def put(tree: dict[str, Any]) -> None:
+        for material in tree["materials"]:
+            material["pbrMetallicRoughness"]["baseColorFactor"] = exact[material["name"]]
+
+    return put
