@@ -124,9 +124,9 @@ def _durraniu(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
             pl.col("v_width").alias("width_m"),
             class_name("v_class"),
             pl.col("preceding").alias("preceding_id"),
-            pl.col("space_headway").alias("space_headway_m"),
+            # its headways are those of the raw recording, and its positions are reconstructed
+            (pl.col("preceding_local_y") - pl.col("local_y")).alias("space_headway_m"),
             (pl.col("preceding_local_y") - pl.col("preceding_length") - pl.col("local_y")).alias("gap_m"),
-            pl.col("time_headway").alias("time_headway_s"),
         )
     )
 

@@ -10,9 +10,10 @@ import hashlib
 from functools import lru_cache
 from pathlib import Path
 
-from policies.drivers import WEIGHTS_FOLDER, load_drivers
+from policies.drivers import WEIGHTS_FOLDER, WeightsError, load_drivers
 from policies.egos.idm import IdmEgo
 from policies.egos.lidar import LidarEgo
+from policies.egos.onnx_file import PREFIX as ONNX
 from policies.egos.protocol import EgoPolicy
 from policies.egos.vision import VisionEgo
 
@@ -26,10 +27,12 @@ def ego_weights(name: str) -> Path | None:
 
 
 def ego_digest(name: str) -> str:
-    """SHA-256 of the weights that the ego of that name drives by; "" for one without."""
-    path = ego_weights(name)
+    """SHA-256 of the weights that the ego of that name drives by, a file of the user's included; "" for one without."""
+    path = Path(name.removeprefix(ONNX)) if name.startswith(ONNX) else ego_weights(name)
     if path is None:
         return ""
+    if not path.is_file():
+        raise WeightsError(f"{path}: no such file")
     stamp = path.stat()
     return _digest(path, stamp.st_mtime_ns, stamp.st_size)
 

@@ -65,6 +65,7 @@ def make_job(
             f"scenario {scenario.name} holds one fixed rollout: run it with `tailroad rollout`, or remove [fixed] "
             "from the file to estimate over its distributions"
         )
+    check_ego(ego)  # before anything of it is read
     job = Job(
         scenario=scenario,
         ego=ego,
@@ -76,7 +77,6 @@ def make_job(
         ego_sha256=ego_digest(ego),
         committor_sha256=committor_sha256,
     )
-    check_ego(ego)
     open_monitor(scenario, len(scenario.vehicles))
     try:
         check_threshold(scenario.safety.measure, gamma)

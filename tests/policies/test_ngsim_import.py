@@ -351,9 +351,9 @@ PACK = {
     "durraniu": (
         {"vehicle_id": ["47"], "frame_id": [510.0], "local_x": [2.4], "local_y": [22.0], "v_length": [4.0],
          "v_width": [1.8], "v_class": ["2"], "v_vel": [4.0], "v_acc": [1.1], "lane_id": ["1"], "preceding": ["39"],
-         "space_headway": [15.0], "time_headway": [2.6], "preceding_local_y": [37.0], "preceding_length": [5.0]},
+         "space_headway": [18.0], "time_headway": [2.6], "preceding_local_y": [37.0], "preceding_length": [5.0]},
         {"vehicle_id": 47, "x_front_m": 22.0, "x_m": 20.0, "y_m": -2.4, "lane": 1, "preceding_id": 39, "gap_m": 10.0,
-         "time_headway_s": 2.6, "vehicle_class": "car"},
+         "space_headway_m": 15.0, "time_headway_s": 3.75, "vehicle_class": "car"},
     ),
     "jiang": (
         {"pair": [1], "k": [0], "lead_pos_ft": [200.0], "lead_v_ftps": [20.0], "lead_a_ftps2": [1.0],

@@ -7,11 +7,13 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import click
 
 from policies.egos import ego_names
+from policies.egos.onnx_file import PREFIX as ONNX
 from service.front.cli.options import all_of
 from service.world.egos.here import permit
 from service.world.egos.open import check_ego
@@ -31,8 +33,8 @@ def ego_option(default: str = "lidar", multiple: bool = False) -> Callable:
             multiple=multiple,
             callback=_permit_each if multiple else _permit,
             help=f"The driving policy under test: {', '.join(ego_names())}, sumo:MODEL for one of SUMO's "
-            "car-following models (sumo:Krauss), zenoh:NAME for a service on the network, or MODULE:CLASS for a class "
-            "of your own.",
+            "car-following models (sumo:Krauss), zenoh:NAME for a service on the network, MODULE:CLASS for a class of "
+            "your own, or onnx:FILE for a network of your own.",
         ),
         _kept("--ego-address", str, "address", "Where zenoh:NAME is: the service itself or a Zenoh router.  "
               "[default: tcp/127.0.0.1:7447]"),
@@ -58,6 +60,8 @@ def _permit_each(ctx: click.Context, param: click.Parameter, egos: tuple[str, ..
 
 def _permit(ctx: click.Context, param: click.Parameter, ego: str) -> str:
     """Whoever types MODULE:CLASS on a command line may import it there, from the current folder too."""
+    if ego.startswith(ONNX):
+        ego = f"{ONNX}{Path(ego.removeprefix(ONNX)).resolve()}"
     permit(ego)
     if ":" in ego and os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())

@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 from policies.egos import EgoPolicy
+from policies.egos.onnx_file import PREFIX as ONNX
 from service.errors import InputError
 from service.world.egos.settings import PYTHON_EGO, EgoSettings
 
@@ -61,7 +62,13 @@ def give_again(name: str, ego: Any) -> None:
 
 
 def permit(name: str) -> None:
-    """Let this process and its workers import the class that MODULE:CLASS names; whoever calls this may name it."""
+    """Let this process and its workers import the class that MODULE:CLASS names, or read the file of onnx:FILE; whoever
+    calls this may name it."""
+    if name.startswith(ONNX):
+        settings = EgoSettings.from_environment()
+        file = name.removeprefix(ONNX)
+        os.environ.update(replace(settings, onnx=settings.onnx | {file}).as_environment())
+        return
     if PYTHON_EGO.fullmatch(name) and not name.startswith((HERE, REMOTE)):
         settings = EgoSettings.from_environment()
         os.environ.update(replace(settings, python=settings.python | {name}).as_environment())

@@ -3,8 +3,11 @@
 import importlib
 import re
 from collections.abc import Callable
+from pathlib import Path
 
 from policies.egos import EgoPolicy, ego_names, load_ego
+from policies.egos.onnx_file import PREFIX as ONNX
+from policies.egos.onnx_file import OnnxEgo
 from service.errors import EgoError, InputError
 from service.world.egos.here import HERE, REMOTE, check_held, make_held
 from service.world.egos.settings import PYTHON_EGO, EgoSettings
@@ -39,9 +42,15 @@ def check_ego(name: str, settings: EgoSettings | None = None) -> None:
     elif name.startswith(SUMO):
         if name not in SUMO_EGOS:
             raise InputError(f"ego {name!r}: of SUMO's car-following models there are {', '.join(SUMO_EGOS)}")
+    elif name.startswith(ONNX):
+        if name.removeprefix(ONNX) not in settings.onnx:
+            raise InputError(
+                f"ego {name!r} is not a file that this process may read; whoever started it must name it, with --ego "
+                "or in TAILROAD_ONNX_EGOS"
+            )
     elif ":" in name:
         if not PYTHON_EGO.fullmatch(name):
-            raise InputError(f"ego {name!r} is neither MODULE:CLASS nor zenoh:NAME")
+            raise InputError(f"ego {name!r} is neither MODULE:CLASS nor zenoh:NAME nor onnx:FILE")
         if name not in settings.python:
             raise InputError(
                 f"ego {name!r} is not one that this process may import; whoever started it must name it, with --ego or "
@@ -73,6 +82,8 @@ def open_ego(
         return RemoteEgo(service, settings, road_of(corridor), scenario.name, scenario.time.step_s)
     if name.startswith(SUMO):
         return SumoEgo(name.removeprefix(SUMO), scenario.time.step_s)
+    if name.startswith(ONNX):
+        return OnnxEgo(Path(name.removeprefix(ONNX)))
     return _python_ego(name) if ":" in name else load_ego(name)
 
 

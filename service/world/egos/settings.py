@@ -10,6 +10,7 @@ them:
     TAILROAD_EGO_DEADLINE_S   an answer that takes longer makes the rollout an error; default 1
     TAILROAD_EGO_PATIENCE_S   how long to wait for a service that is not there (yet, or any more); default 10
     TAILROAD_PYTHON_EGOS      Python classes that may be imported as egos: MODULE:CLASS, separated by commas
+    TAILROAD_ONNX_EGOS        networks that may be read as egos: files, separated by the sign that separates PATH's
 """
 
 import math
@@ -35,6 +36,7 @@ class EgoSettings:
     patience_s: float = 10.0
     python: frozenset[str] = frozenset()
     renderer: str | None = None
+    onnx: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         for name, value in (("deadline", self.deadline_s), ("patience", self.patience_s)):
@@ -64,6 +66,7 @@ class EgoSettings:
             patience_s=_seconds(environment, "TAILROAD_EGO_PATIENCE_S", default.patience_s),
             renderer=environment.get("TAILROAD_RENDERER") or None,
             python=frozenset(s for s in environment.get("TAILROAD_PYTHON_EGOS", "").split(",") if s),
+            onnx=frozenset(s for s in environment.get("TAILROAD_ONNX_EGOS", "").split(os.pathsep) if s),
         )
 
     def as_environment(self) -> dict[str, str]:
@@ -75,6 +78,7 @@ class EgoSettings:
             "TAILROAD_EGO_DEADLINE_S": repr(self.deadline_s),
             "TAILROAD_EGO_PATIENCE_S": repr(self.patience_s),
             "TAILROAD_PYTHON_EGOS": ",".join(sorted(self.python)),
+            "TAILROAD_ONNX_EGOS": os.pathsep.join(sorted(self.onnx)),
         }
 
 
