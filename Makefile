@@ -94,6 +94,7 @@ bench-fleet: $(VENV)/.installed-dev
 calibration: $(VENV)/.installed-dev
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench.ce_calibration --keep
 	$(BIN)/python -m tests.bench.ce_which_method
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench.path_calibration --keep
 
 # OpenTURNS and UQpy on the same problems. UQpy wants an older NumPy: an environment of its own, with what `ce` needs.
 calibration-peers: $(VENV)/.installed-dev

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import re
 
-from docs.site import architecture, commands, decisions, objects, scenarios
+from docs.site import architecture, commands, decisions, objects, paths_picture, scenarios
 from docs.site.gather import ROOT
 
 
@@ -18,6 +18,7 @@ def pages() -> dict[str, str]:
         "docs/reference/ce.md": reference("ce"),
         "docs/reference/tailroad.md": reference("tailroad"),
         "docs/architecture.svg": architecture.picture(layers),
+        "docs/concepts/paths.svg": paths_picture.picture(),
         "docs/reference/layers.md": (
             f"# Layers\n\nEach imports only what stands below it.\n\n{architecture.table(layers)}\n"
         ),
