@@ -127,7 +127,7 @@ def test_a_run_directory_of_another_job_is_refused(plan, tmp_path):
     other = run_as_job(msgspec.structs.replace(run, seed=9))
     with RunDirectory.create(tmp_path / run.folder, (other,)) as store:
         assert store.jobs == (other,)
-    with pytest.raises(StoreError, match="begun with another version"):
+    with pytest.raises(StoreError, match="with seed = 9 and not 1"):
         carry_out(
             msgspec.structs.replace(plan, runs=(run,)), tmp_path, tmp_path / "truths", 1, False, Watch()
         )
