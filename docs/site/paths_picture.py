@@ -21,7 +21,10 @@ class Remaining:
     def log_hazard(self, features: NDArray[np.float32], levels: NDArray[np.float64]) -> NDArray[np.float64]:
         """-z^2 / 2 (n, L)."""
         place, passed = (features[:, 0, j].astype(np.float64) for j in (0, 1))
-        z = np.maximum(LEVEL - place[:, None] - levels, 0.0) / np.sqrt(np.maximum(1.0 - passed, 0.05))[:, None]
+        z = (
+            np.maximum(LEVEL - place[:, None] - levels, 0.0)
+            / np.sqrt(np.maximum(1.0 - passed, 0.05))[:, None]
+        )
         return np.asarray(-0.5 * z * z)
 
 
@@ -73,7 +76,9 @@ def _drawn(checkpoints: tuple[int, ...], driven: ce.paths.Driven, roots: int) ->
     leading: list[NDArray[np.bool_]] = [r.after <= 0.0 for r in record]
     for k in range(len(record) - 1, 0, -1):
         leading[k - 1][record[k].parent[leading[k]]] = True
-    lines = [f"<line x1='{_LEFT}' x2='{_WIDTH - _LEFT}' y1='{_TOP}' y2='{_TOP}' stroke='{_HIT}' stroke-dasharray='6 4'/>"]
+    lines = [
+        f"<line x1='{_LEFT}' x2='{_WIDTH - _LEFT}' y1='{_TOP}' y2='{_TOP}' stroke='{_HIT}' stroke-dasharray='6 4'/>"
+    ]
     for k in range(len(checkpoints)):
         at = across(k)
         lines.append(
@@ -96,12 +101,16 @@ def _drawn(checkpoints: tuple[int, ...], driven: ce.paths.Driven, roots: int) ->
                 f"stroke-width='{0.8 + 1.1 * math.log1p(r.weight[i]):.2f}'/>"
                 f"<circle cx='{end:.1f}' cy='{_TOP}' r='4' fill='{_HIT}'/>"
             )
-    hits = int(driven.hits[:, -1].sum())
+    hits, mass = int(driven.hits[:, -1].sum()), float(driven.events[:, -1].sum())
     words = [
-        (_LEFT, _TOP - 12, f"gamma: {hits} paths come here, of weights that add up to {driven.events[:, -1].sum():.2f}"),
+        (_LEFT, _TOP - 12, f"gamma: {hits} paths come here, of weights that add up to {mass:.2f}"),
         (_LEFT, _HEIGHT - 26, f"{STARTS} starts drawn, {roots} kept"),
         (_WIDTH // 2 - 60, _HEIGHT - 26, "checkpoints: split or end"),
-        (_LEFT, _HEIGHT - 6, "width: weight (how many ordinary paths one stands for); red: what leads to an event"),
+        (
+            _LEFT,
+            _HEIGHT - 6,
+            "width: weight (how many ordinary paths one stands for); red: what leads to an event",
+        ),
     ]
     texts = [f"<text x='{x}' y='{y}' fill='{_TEXT}' {_FONT}>{words_}</text>" for x, y, words_ in words]
     return (
