@@ -101,9 +101,9 @@ def _drawn(checkpoints: tuple[int, ...], driven: ce.paths.Driven, roots: int) ->
                 f"stroke-width='{0.8 + 1.1 * math.log1p(r.weight[i]):.2f}'/>"
                 f"<circle cx='{end:.1f}' cy='{_TOP}' r='4' fill='{_HIT}'/>"
             )
-    hits, mass = int(driven.hits[:, -1].sum()), float(driven.events[:, -1].sum())
+    arrived, mass = int(driven.hits[:, -1].sum()), float(driven.events[:, -1].sum())
     words = [
-        (_LEFT, _TOP - 12, f"gamma: {hits} paths come here, of weights that add up to {mass:.2f}"),
+        (_LEFT, _TOP - 12, f"gamma: {arrived} paths come here, of weights that add up to {mass:.2f}"),
         (_LEFT, _HEIGHT - 26, f"{STARTS} starts drawn, {roots} kept"),
         (_WIDTH // 2 - 60, _HEIGHT - 26, "checkpoints: split or end"),
         (
