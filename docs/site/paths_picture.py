@@ -86,7 +86,7 @@ def _drawn(checkpoints: tuple[int, ...], driven: ce.paths.Driven, roots: int) ->
             "stroke-opacity='0.25'/>"
         )
     for k in range(1, len(record)):
-        for i, parent in enumerate(record[k].parent):
+        for i, parent in enumerate(record[k].parent.tolist()):
             width = 0.8 + 1.1 * math.log1p(record[k - 1].weight[parent])
             lines.append(
                 f"<line x1='{across(k - 1):.1f}' y1='{down(places[k - 1][parent]):.1f}' x2='{across(k):.1f}' "
@@ -94,7 +94,7 @@ def _drawn(checkpoints: tuple[int, ...], driven: ce.paths.Driven, roots: int) ->
                 f"stroke-width='{width:.2f}' stroke-linecap='round' stroke-opacity='0.8'/>"
             )
     for k, r in enumerate(record):
-        for i in np.flatnonzero(r.after <= 0.0):
+        for i in np.flatnonzero(r.after <= 0.0).tolist():
             end = across(k + 1)
             lines.append(
                 f"<line x1='{across(k):.1f}' y1='{down(places[k][i]):.1f}' x2='{end:.1f}' y2='{_TOP}' stroke='{_HIT}' "
