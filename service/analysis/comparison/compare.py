@@ -121,12 +121,13 @@ def _pair(
         for mode in sorted({*modes[a].values(), *modes[b].values()})
     ]
     changes.sort(key=lambda m: (-abs(m.difference.difference), m.mode))
-    summary = pair_summary((sides[a], sides[b]), difference, changes, event, first.confidence)
+    draws = pairs_of(first, second)
+    summary = pair_summary((sides[a], sides[b]), difference, changes, event, first.confidence, draws)
     return Pair(
         a=a,
         b=b,
         difference=difference,
-        draws=pairs_of(first, second),
+        draws=draws,
         modes=tuple(changes),
         summary=summary,
         said=summary,

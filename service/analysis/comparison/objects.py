@@ -44,12 +44,16 @@ class Difference(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Pairs(msgspec.Struct, frozen=True, kw_only=True):
-    """The same draws run by both: how many were dangerous to whom."""
+    """The same draws run by both: how many were dangerous to whom.
+
+    p_value: of McNemar's exact test, two-sided, that only_a and only_b differ by chance alone
+    """
 
     both: int
     only_a: int
     only_b: int
     neither: int
+    p_value: float | None = None
 
 
 class ModeSide(msgspec.Struct, frozen=True, kw_only=True):

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from service.analysis.comparison.objects import Difference, ModeChange, Side
+from service.analysis.comparison.objects import Difference, ModeChange, Pairs, Side
 from service.analysis.wording import level, significant
 
 
@@ -12,8 +12,10 @@ def pair_summary(
     modes: Sequence[ModeChange],
     event: str,
     confidence: float,
+    draws: Pairs | None = None,
 ) -> str:
-    """What the comparison comes to, in a few sentences. event: as in "f <= 0.5 s"."""
+    """What the comparison comes to, in a few sentences, the first of which is the conclusion. event: as in
+    "f <= 0.5 s"; draws: where both ran the same ones"""
     a, b = sides
     low, high = difference.difference_ci
     sure = level(confidence)
@@ -30,10 +32,15 @@ def pair_summary(
     if difference.ratio is not None:
         least, most = difference.ratio_ci
         upper = "no upper end" if most is None else significant(most, 2)
-        sentences[0] += (
-            f", or {significant(difference.ratio, 2)} times as often ({significant(least, 2)} to {upper})"
-        )
+        between = f"{significant(least, 2)} to {upper}"
+        times = f"{significant(difference.ratio, 2)} times as often ({between})" if difference.clear else ""
+        sentences[0] += f", or {times}" if times else f"; the ratio may be anything from {between}"
     sentences[0] += "."
+    if draws is not None and draws.p_value is not None:
+        sentences.append(
+            f"Of the same draws {draws.only_b:,} were dangerous to {b.name} alone and {draws.only_a:,} to {a.name} "
+            f"alone (McNemar's exact test: p-value {significant(draws.p_value, 2)})."
+        )
     for change, what in (("appeared", f"in {b.name} only"), ("vanished", f"in {a.name} only"),
                          ("more", f"more often in {b.name}"), ("less", f"less often in {b.name}")):  # fmt: skip
         found = "; ".join(mode.name for mode in modes if mode.change == change)

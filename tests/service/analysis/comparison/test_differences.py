@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import ce
-from service.analysis.comparison.differences import difference_of, pairs_of
+from service.analysis.comparison.differences import difference_of, mcnemar, of_pairs, pairs_of
+from service.analysis.comparison.objects import Pairs
 
 BASE = ce.Product([ce.Uniform(0.0, 1.0)])
 
@@ -81,3 +82,29 @@ def test_pairs_count_who_was_in_danger():
 def test_there_are_no_pairs_where_the_draws_are_not_the_same_or_one_failed(change):
     a = naive(np.array([0.1, 0.1, 0.9]), 0.5)
     assert pairs_of(a, dataclasses.replace(a, **change)) is None
+
+
+def test_on_the_same_draws_the_verdict_is_mcnemars():
+    """8 draws dangerous to one alone against 24 to the other: the exact test tells them apart, and so do all intervals;
+    the sides swapped give the same."""
+    found = of_pairs(pairs_with(3, 8, 24), 0.95)
+    assert found.clear
+    assert found.difference == pytest.approx(16 / 4000)
+    assert 0.0 < found.difference_ci[0] < found.difference < found.difference_ci[1]
+    assert 1.0 < found.ratio_ci[0] < 27 / 11 < found.ratio_ci[1]
+    assert mcnemar(8, 24) == pytest.approx(0.00700, abs=1e-5)
+    turned = of_pairs(pairs_with(3, 24, 8), 0.95)
+    assert turned.difference_ci == pytest.approx((-found.difference_ci[1], -found.difference_ci[0]))
+    assert turned.ratio_ci == pytest.approx((1 / found.ratio_ci[1], 1 / found.ratio_ci[0]))
+
+
+def test_difference_and_ratio_never_contradict_each_other():
+    for both, only_a, only_b in ((0, 0, 0), (0, 0, 7), (5, 6, 7), (2, 9, 1), (0, 5, 0)):
+        found = of_pairs(pairs_with(both, only_a, only_b), 0.95)
+        low, high = found.ratio_ci
+        apart = low > 1.0 or (high is not None and high < 1.0)
+        assert found.clear == apart
+
+
+def pairs_with(both: int, only_a: int, only_b: int) -> Pairs:
+    return Pairs(both=both, only_a=only_a, only_b=only_b, neither=4000 - both - only_a - only_b)
