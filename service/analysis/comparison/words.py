@@ -39,7 +39,7 @@ def pair_summary(
     if draws is not None and draws.p_value is not None:
         sentences.append(
             f"Of the same draws {draws.only_b:,} were dangerous to {b.name} alone and {draws.only_a:,} to {a.name} "
-            f"alone (McNemar's exact test: p-value {significant(draws.p_value, 2)})."
+            f"alone (exact test of McNemar: p-value {significant(draws.p_value, 2)})."
         )
     for change, what in (("appeared", f"in {b.name} only"), ("vanished", f"in {a.name} only"),
                          ("more", f"more often in {b.name}"), ("less", f"less often in {b.name}")):  # fmt: skip
