@@ -15,6 +15,7 @@ from scipy.special import chdtri, stdtrit
 
 from service.analysis.failures.driving import CLOSE_S, HARD_BRAKE_MPS2, Driving
 from service.analysis.learned.objects import Behaviour, Rate
+from service.analysis.learned.parameters import LEAST_EFFECTIVE
 from service.analysis.learned.words import rate_sentence
 
 
@@ -60,13 +61,14 @@ class Driven:
 
 
 def behaviours_of(base: Driven, proposal: Driven | None, confidence: float) -> list[Behaviour]:
-    """Every rate under both; a sentence where the two intervals lie apart."""
+    """Every rate under both; a sentence where the two intervals lie apart, each of enough rollouts."""
     found = []
     for kind in KINDS:
         before = rate_of(kind, base, confidence)
         after = None if proposal is None else rate_of(kind, proposal, confidence)
         sentence = ""
-        if after is not None and _apart(before, after):
+        told = proposal is not None and min(base.ess, proposal.ess) >= LEAST_EFFECTIVE
+        if after is not None and told and _apart(before, after):
             sentence = rate_sentence(kind.says, kind.unit, before, after)
         found.append(
             Behaviour(

@@ -1,5 +1,6 @@
 """From a job's record to what its search learned."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -31,8 +32,10 @@ def learned_of(run: str, record: JobRecord, rerunner: Rerunner, rollouts: int = 
     parameters = parameters_of(record, proposal, draws, ess, confidence)
     before = _driven(rerunner, _from_base(record, rollouts), np.ones(rollouts))
     after = _driven(rerunner, *_from_search(record, events, proposal, rollouts))
-    if after is not None and events.phase == CHAINS:
-        after = replace(after, ess=min(after.ess, record.estimate.ess))
+    if after is not None:
+        # rollouts run again tell no more than what they were drawn from, or stand for, rests on
+        most = ess if ess is not None else math.inf if draws is None else draws.ess
+        after = replace(after, ess=min(after.ess, most))
     behaviours = () if before is None else tuple(behaviours_of(before, after, confidence))
     return Learned(
         job=run,

@@ -133,7 +133,7 @@ def _parameter(
         values = draws.x[:, column]
         after = sample_spread(values, draws.weight)
         runs = None if draws.replication is None else np.unique(draws.replication).size
-        half = _half(_error(values, after.mean, draws), runs or draws.ess, sure)
+        half = _half(_error(values, after.mean, draws), min(runs or draws.ess, draws.ess), sure)
     shift = ci = None
     if after is not None and before.sd > 0.0:
         amount = after.mean - before.mean

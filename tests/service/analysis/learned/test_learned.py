@@ -10,7 +10,7 @@ import pytest
 import ce
 from service.analysis.failures.driving import Driving
 from service.analysis.failures.rerun import Rerun, Rerunner
-from service.analysis.learned.behaviours import KINDS, Driven, rate_of
+from service.analysis.learned.behaviours import KINDS, Driven, behaviours_of, rate_of
 from service.analysis.learned.learn import learned_of
 from service.analysis.learned.objects import Learned, Rate
 from service.analysis.learned.spreads import sample_spread, spread_of
@@ -156,3 +156,12 @@ def test_intervals_of_rates_hold_the_rate():
     rng = np.random.default_rng(5)
     rates = [rate_of(LANE_CHANGES, driven(rng.poisson(0.1, 40)), 0.95) for _ in range(400)]
     assert np.mean([r.low <= 0.1 <= r.high for r in rates]) >= 0.93
+
+
+@pytest.mark.parametrize(("ess", "told"), [(4.6, False), (40.0, True)])
+def test_a_behaviour_is_told_only_of_enough_rollouts(ess, told):
+    """Ten times the lane changes: a sentence from 40 rollouts of equal weight, none from 4.6, however far apart."""
+    before, after = driven([1] * 200), dataclasses.replace(driven([10] * 200), ess=ess)
+    found = next(b for b in behaviours_of(before, after, 0.95) if b.name == "lane_changes")
+    assert found.sentence.startswith("the drivers change lanes more often") == told
+    assert bool(found.sentence) == told
