@@ -1,10 +1,14 @@
-"""sumolib 1.28.0: a lane with allow="all" is for a class called "all", and for nobody else.
-
-Expected: allow="all" admits every class, as SUMO itself reads it.
-Seen:     lane.allows("passenger") is False, getPermissions() is {"all"}.
-Ends with 0 while that is so, with 1 once it has changed. Needs sumolib 1.28.0.
-"""
-
+#!/usr/bin/env bash
+# sumolib 1.28.0: a lane with allow="all" is for a class called "all", and for nobody else.
+#
+# Expected: allow="all" admits every class, as SUMO itself reads it.
+# Seen:     lane.allows("passenger") is False, getPermissions() is {"all"}.
+# Ends with 0 while that is so, with 1 once it has changed.
+set -euo pipefail
+folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
+python3 -m venv "$folder/venv"
+"$folder/venv/bin/pip" install -q --disable-pip-version-check sumolib==1.28.0
+cat > "$folder/seen.py" <<'PYTHON'
 import sys
 import tempfile
 from pathlib import Path
@@ -22,3 +26,5 @@ with tempfile.TemporaryDirectory() as folder:
 admits, classes = lane.allows("passenger"), set(lane.getPermissions())
 print(f'allow="all": allows("passenger") is {admits}, classes {classes}; expected: True')
 sys.exit(0 if not admits else 1)
+PYTHON
+"$folder/venv/bin/python" "$folder/seen.py"

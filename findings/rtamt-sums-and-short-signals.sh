@@ -1,12 +1,16 @@
-"""rtamt 0.4.10, discrete time, offline: sums are read from the right, and short signals give infinities or fail.
-
-Expected: `a - b + c` is (a - b) + c; an interval that reaches beyond the end of the signal is cut there, and evaluating
-          a formula changes none of the lists that it is given.
-Seen:     a - (b + c); the signal's own list is lengthened by infinities, so a second operator over the same signal
-          gives -inf, inf, or an IndexError.
-Ends with 0 while that is so, with 1 once it has changed. Needs Python 3.11 or 3.12 and rtamt 0.4.10.
-"""
-
+#!/usr/bin/env bash
+# rtamt 0.4.10, discrete time, offline: sums are read from the right, and short signals give infinities or fail.
+#
+# Expected: `a - b + c` is (a - b) + c; an interval that reaches beyond the end of the signal is cut there, and evaluating
+#           a formula changes none of the lists that it is given.
+# Seen:     a - (b + c); the signal's own list is lengthened by infinities, so a second operator over the same signal
+#           gives -inf, inf, or an IndexError.
+# Ends with 0 while that is so, with 1 once it has changed.
+set -euo pipefail
+folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
+python3 -m venv "$folder/venv"
+"$folder/venv/bin/pip" install -q --disable-pip-version-check rtamt==0.4.10
+cat > "$folder/seen.py" <<'PYTHON'
 import sys
 
 import rtamt
@@ -33,3 +37,5 @@ except IndexError as error:
     late = f"IndexError: {error}"
 print(f"always[0:2 s](a) and eventually[0:0.5 s](a >= 0) over 3, 1, 2: {late}; expected 1")
 sys.exit(0 if sums == 5.0 and short != 1.0 and late != 1.0 else 1)
+PYTHON
+"$folder/venv/bin/python" "$folder/seen.py"

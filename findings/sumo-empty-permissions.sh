@@ -1,10 +1,14 @@
-"""libsumo 1.28.0: getAllowed of a lane that nobody may use is an empty list.
-
-Expected: an empty list stands for everybody, as an absent attribute does in network files.
-Seen:     disallow="all" gives an empty list; a lane for everybody gives every class.
-Ends with 0 while that is so, with 1 once it has changed. Needs libsumo 1.28.0.
-"""
-
+#!/usr/bin/env bash
+# libsumo 1.28.0: getAllowed of a lane that nobody may use is an empty list.
+#
+# Expected: an empty list stands for everybody, as an absent attribute does in network files.
+# Seen:     disallow="all" gives an empty list; a lane for everybody gives every class.
+# Ends with 0 while that is so, with 1 once it has changed.
+set -euo pipefail
+folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
+python3 -m venv "$folder/venv"
+"$folder/venv/bin/pip" install -q --disable-pip-version-check libsumo==1.28.0
+cat > "$folder/seen.py" <<'PYTHON'
 import os
 import sys
 import tempfile
@@ -30,3 +34,5 @@ print(
     f'classes that getAllowed names: {nobody} for disallow="all", {everybody} for a lane without permissions'
 )
 sys.exit(0 if nobody == 0 and everybody > 0 else 1)
+PYTHON
+"$folder/venv/bin/python" "$folder/seen.py"

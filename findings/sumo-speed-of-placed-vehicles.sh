@@ -1,11 +1,15 @@
-"""libsumo 1.28.0: the speed of a vehicle that moveToXY places each step is not the one it is driven at.
-
-Expected: 25 m/s driven, 2.5 m every 0.1 s, is a speed of 25 m/s in every step.
-Seen:     0 in the first step and the limit's multiple elsewhere; setSpeed before and setPreviousSpeed after the step
-          give 25 everywhere.
-Ends with 0 while that is so, with 1 once it has changed. Needs libsumo 1.28.0.
-"""
-
+#!/usr/bin/env bash
+# libsumo 1.28.0: the speed of a vehicle that moveToXY places each step is not the one it is driven at.
+#
+# Expected: 25 m/s driven, 2.5 m every 0.1 s, is a speed of 25 m/s in every step.
+# Seen:     0 in the first step and the limit's multiple elsewhere; setSpeed before and setPreviousSpeed after the step
+#           give 25 everywhere.
+# Ends with 0 while that is so, with 1 once it has changed.
+set -euo pipefail
+folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
+python3 -m venv "$folder/venv"
+"$folder/venv/bin/pip" install -q --disable-pip-version-check libsumo==1.28.0
+cat > "$folder/seen.py" <<'PYTHON'
 import os
 import sys
 import tempfile
@@ -48,3 +52,5 @@ print(
 )
 print(f"with setSpeed and setPreviousSpeed: {min(told):.2f} to {max(told):.2f}")
 sys.exit(0 if left[0] == 0.0 and max(left) != 25.0 and set(told) == {25.0} else 1)
+PYTHON
+"$folder/venv/bin/python" "$folder/seen.py"
