@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 import tomllib
 from dataclasses import replace
 
@@ -166,7 +167,9 @@ def test_the_memory_of_open_jobs_is_limited(tight) -> None:
     assert heavy["type"] == "urn:tailroad:problem:bad-job"
     assert "give a smaller budget" in heavy["detail"]
     first, second = (tight.get("jobs", JOB | small)["id"] for _ in range(2))
-    waits = tight.get(f"jobs/{second}/events")["items"][-1]
-    assert waits["kind"] == "waiting"
+    deadline = time.monotonic() + 60.0  # the scheduler looks at new jobs in a thread of its own
+    while (waits := tight.get(f"jobs/{second}/events")["items"][-1])["kind"] != "waiting":
+        assert time.monotonic() < deadline, waits
+        time.sleep(0.05)
     assert "memory" in waits["body"]["reason"]
     assert tight.get(f"jobs/{first}/events")["items"][-1]["kind"] == "status"
