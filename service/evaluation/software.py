@@ -43,7 +43,6 @@ PARTS = {
 BESIDE = {
     "sumo_nets/build.py",
     "sumo_nets/plot.py",
-    "service/world/camera/collect.py",
     "service/world/camera/export.py",
     "service/world/camera/sheet.py",
     "service/world/egos/sdk.py",

@@ -107,7 +107,15 @@ def _distance(cells: np.ndarray, c: int, camera: np.ndarray) -> float:
 
 
 @bare
-def _add_line(lines, m, camera, world, points, out, k):  # type: ignore[no-untyped-def]  # kept ground truths hash it
+def _add_line(
+    lines: np.ndarray,
+    m: int,
+    camera: np.ndarray,
+    world: np.ndarray,
+    points: np.ndarray,
+    out: np.ndarray,
+    k: int,
+) -> int:
     """Add a painted line as row k; returns the new count.
 
     Where it looks thinner than a sample it is drawn a sample wide and paler, and where its dashes run together it is
