@@ -1,7 +1,7 @@
 """Runs jobs in a run directory, from wherever it stands, and tells how far it is."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import ce
+from service.analysis.run.progress import Progress, Tell, tell_nobody, told
 from service.analysis.run.run import Run
 from service.evaluation.cores import core_count
 from service.evaluation.failed_share import MAX_FAILED
@@ -30,36 +31,6 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, path: Path):
         super().__init__(f"interrupted; what was run is kept: tailroad.resume({str(path)!r}) goes on with it")
         self.path = path
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far a run is. rollouts: of `job` so far, at most `total`; more: how many since it was told last; record: of
-    the last batch, None before the first; path: the run directory."""
-
-    job: Job
-    path: Path
-    workers: int
-    rollouts: int
-    total: int
-    more: int = 0
-    record: ce.TrainingRecord | ce.EstimationRecord | None = None
-
-    @property
-    def note(self) -> str:
-        """The last batch in a few words."""
-        if isinstance(self.record, ce.TrainingRecord):
-            return f"search {self.record.iteration + 1}: gamma_k {self.record.gamma_k:.3g}, ESS {self.record.ess:.0f}"
-        if self.record is not None:
-            return f"p = {self.record.p:.3g} [{self.record.low:.2g}, {self.record.high:.2g}]"
-        return ""
-
-
-Tell = Callable[[Progress], None]
-
-
-def tell_nobody(progress: Progress) -> None:
-    pass
 
 
 def plain(word: str) -> str:
@@ -120,11 +91,15 @@ def carry_out(
 ) -> Run:
     """Run the jobs in the run directory at `path`, a new one or one of the same jobs, to their end.
 
-    new: refuse one that holds a run already; workers: processes (default: one for each core); progress: told how far it
-    is; max_failed: TooManyFailures where a larger share of the rollouts fails; open_world: what rollouts run in;
-    executor: where they run instead of in processes of this one's own; committor: that jobs of paths were given.
-    Raises Interrupted at Ctrl-C and StoreError
-    where the directory belongs to other jobs.
+    workers: processes (default: one for each core)
+    progress: told how far it is
+    max_failed: TooManyFailures where a larger share of the rollouts fails
+    open_world: what rollouts run in
+    executor: where they run instead of in processes of this one's own
+    new: refuse a directory that holds a run already
+    committor: that jobs of paths were given
+
+    Raises Interrupted at Ctrl-C and StoreError where the directory belongs to other jobs.
     """
     opened = RunDirectory.create if new else RunDirectory.open_or_create
     with opened(path, tuple(jobs)) as store:
@@ -139,22 +114,24 @@ def resume(
     ego: Any = None,
     *,
     workers: int | None = None,
-    progress: Tell = tell_nobody,
+    progress: Tell | bool = True,
     max_failed: float = MAX_FAILED,
     in_sumo: InSumo = "some",
     executor: Executor | None = None,
 ) -> Run:
     """Go on with the run in this directory: its own settings hold, and what was run is not run again.
 
-    ego: needed again where the run's ego was an object of the Python process that began it; in_sumo: as of `estimate`;
-    the rest as of `carry_out`.
+    ego: needed again where the run's ego was an object of the Python process that began it
+    workers, progress, max_failed, in_sumo, executor: as of `estimate`
     """
     with RunDirectory.open(Path(path), to_go_on=True) as store:
         for job in store.jobs:
             if ego is not None:
                 give_again(job.ego, ego)
             check_ego(job.ego)  # a run directory may come from someone else
-        return _run_all(store, workers or core_count(), progress, max_failed, WORLDS[in_sumo], executor)
+        count = workers or core_count()
+        with told(progress, count) as tell:
+            return _run_all(store, count, tell, max_failed, WORLDS[in_sumo], executor)
 
 
 def _run_all(
@@ -170,10 +147,10 @@ def _run_all(
     try:
         for job in store.jobs:
             costs[job.id] = Cost(workers)
-            told = _Told(job, store.path, workers, tell, costs[job.id])
+            passed_on = _Told(job, store.path, workers, tell, costs[job.id])
             began = time.perf_counter()
             estimates[job.id] = evaluate_recorded(
-                store, job, workers, told.watcher, max_failed, open_world, executor=executor
+                store, job, workers, passed_on.watcher, max_failed, open_world, executor=executor
             )
             costs[job.id].wall_s = time.perf_counter() - began
     except KeyboardInterrupt:

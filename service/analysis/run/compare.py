@@ -11,15 +11,8 @@ from service.analysis.comparison.compare import comparison_of
 from service.analysis.comparison.objects import Comparison
 from service.analysis.failures.examine import EXAMINED, Watch, look_away
 from service.analysis.notebook import comparison_html
-from service.analysis.run.carry_out import (
-    MAX_FAILED,
-    Interrupted,
-    Tell,
-    carry_out,
-    new_folder,
-    plain,
-    tell_nobody,
-)
+from service.analysis.run.carry_out import MAX_FAILED, Interrupted, carry_out, new_folder, plain
+from service.analysis.run.progress import Tell, told
 from service.analysis.run.question import BUDGET, CONFIDENCE, SEED, jobs_of
 from service.analysis.run.records import record_of
 from service.analysis.run.run import Run
@@ -37,7 +30,11 @@ SAME_DRAWS = "naive"  # the method whose rollouts egos share
 
 @dataclass(frozen=True)
 class Compared:
-    """Runs beside each other. comparison: differences and ratios of p, curves, failure modes that came and went."""
+    """Runs beside each other.
+
+    runs: their directories
+    comparison: differences and ratios of p, curves, failure modes that came and went
+    """
 
     runs: tuple[Path, ...]
     comparison: Comparison
@@ -72,7 +69,7 @@ def compare(
     workers: int | None = None,
     in_sumo: InSumo = "some",
     executor: Executor | None = None,
-    progress: Tell = tell_nobody,
+    progress: Tell | bool = True,
     watch: Watch = look_away,
     max_failed: float = MAX_FAILED,
 ) -> Compared:
@@ -114,8 +111,9 @@ def compare(
             folder / f"{letter}-{plain(name)}" for letter, name in zip(ascii_lowercase, names, strict=False)
         ]
         try:
-            for asked, path in zip(jobs, paths, strict=True):
-                carry_out(path, asked, count, progress, max_failed, WORLDS[in_sumo], executor)
+            with told(progress, count, lambda one: one.job.ego) as tell:
+                for asked, path in zip(jobs, paths, strict=True):
+                    carry_out(path, asked, count, tell, max_failed, WORLDS[in_sumo], executor)
         except Interrupted:
             raise Interrupted(folder) from None
         records = [record_of(path)[0] for path in paths]

@@ -5,10 +5,12 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
-from service.analysis.run.carry_out import MAX_FAILED, Tell, carry_out, new_folder, tell_nobody
+from service.analysis.run.carry_out import MAX_FAILED, carry_out, new_folder
 from service.analysis.run.committors import committor_from
+from service.analysis.run.progress import Tell, told
 from service.analysis.run.question import BUDGET, CONFIDENCE, METHOD, SEED, jobs_of
 from service.analysis.run.run import Run
+from service.evaluation.cores import core_count
 from service.evaluation.pool import WORLDS, InSumo
 from service.world.egos.here import ego_name
 from service.world.scenario import Scenario
@@ -33,7 +35,7 @@ def estimate(
     workers: int | None = None,
     in_sumo: InSumo = "some",
     executor: Executor | None = None,
-    progress: Tell = tell_nobody,
+    progress: Tell | bool = True,
     max_failed: float = MAX_FAILED,
     new: bool = False,
 ) -> Run:
@@ -57,7 +59,8 @@ def estimate(
     in_sumo: "some": rollouts that can be one compiled call are, and SUMO drives the first 4 events of each chunk of
         rollouts, one in 10 of its others and one in 100 of what is no event, to the same bits; "all": all of them.
     executor: a concurrent.futures.Executor whose workers are processes, to run rollouts in place of local workers.
-    progress: told how far it is, with a Progress each time.
+    progress: True: a bar on standard error where that is a terminal; False: nothing; a function: called with a Progress
+        each time.
     max_failed: TooManyFailures where a larger share of the rollouts fails.
 
     Bad input raises InputError; Ctrl-C raises Interrupted, and `resume` goes on from there to the same bits.
@@ -84,6 +87,8 @@ def estimate(
         committor_sha256="" if given is None else given[0].checksum,
     )
     path = Path(out) if out is not None else new_folder(jobs[0].scenario.name, name)
-    return carry_out(
-        path, jobs, workers, progress, max_failed, WORLDS[in_sumo], executor, new, given and given[1]
-    )
+    count = workers or core_count()
+    with told(progress, count) as tell:
+        return carry_out(
+            path, jobs, count, tell, max_failed, WORLDS[in_sumo], executor, new, given and given[1]
+        )

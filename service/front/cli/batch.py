@@ -11,10 +11,10 @@ import msgspec
 from rich.console import Console
 from rich.table import Table
 
+from service.analysis.run.bars import progress_bar, stderr
 from service.evaluation.cores import core_count
 from service.front.cli.main import INTERRUPTED
 from service.front.cli.options import finite, json_option, workers_option, zenoh_config_option
-from service.front.cli.progress import progress_bar, stderr
 from service.front.cli.tables import whole
 from service.front.matrix.plan import Batch, Cell, cells, read_batch
 from service.front.matrix.verdict import Result, exit_code

@@ -8,9 +8,9 @@ from rich.console import Console
 from rich.table import Table
 
 from policies.egos import ego_digest, ego_names
+from service.analysis.run.bars import stderr
 from service.evaluation.cores import core_count
 from service.front.cli.options import json_option
-from service.front.cli.progress import stderr
 from service.studies import bench
 from service.world.scenario import load_scenario
 

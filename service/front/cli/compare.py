@@ -11,13 +11,13 @@ from rich.table import Table
 from service.analysis.comparison.objects import Comparison, ModeChange, Pair
 from service.analysis.failures.examine import EXAMINED
 from service.analysis.run import Interrupted, compare
+from service.analysis.run.bars import Shown, progress_bar, stderr
 from service.analysis.wording import quantity, significant
 from service.evaluation.cores import core_count
 from service.evaluation.options import METHODS
 from service.front.cli.ego_options import ego_option
 from service.front.cli.main import INTERRUPTED
 from service.front.cli.options import finite, json_option, seed_option, workers_option
-from service.front.cli.progress import Shown, progress_bar, stderr
 from service.front.cli.tables import folded, side_by_side, whole
 
 

@@ -10,8 +10,8 @@ import click
 from rich.console import Console
 from rich.table import Table
 
+from service.analysis.run.bars import stderr
 from service.errors import InputError
-from service.front.cli.progress import stderr
 
 
 @click.group()

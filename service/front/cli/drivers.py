@@ -8,11 +8,11 @@ from pathlib import Path
 import click
 from rich.progress import Progress, TaskID
 
+from service.analysis.run.bars import progress_bar, stderr
 from service.errors import InputError
 from service.evaluation.cores import core_count
 from service.front.cli.main import INTERRUPTED
 from service.front.cli.options import json_option, seed_option, workers_option
-from service.front.cli.progress import progress_bar, stderr
 
 
 @click.group()

@@ -10,8 +10,10 @@ import click
 from rich.console import Console
 from rich.table import Table
 
+from service.analysis.risk import Risk
 from service.analysis.run import Interrupted, estimate
 from service.analysis.run import resume as go_on
+from service.analysis.run.bars import Shown, progress_bar, stderr
 from service.analysis.run.question import METHOD
 from service.analysis.wording import quantity, treatment
 from service.errors import InputError, WorkerError
@@ -28,7 +30,6 @@ from service.front.cli.options import (
     seed_option,
     workers_option,
 )
-from service.front.cli.progress import Shown, progress_bar, stderr
 from service.front.cli.question_options import method_options, option_of, scenario_options
 from service.front.cli.tables import side_by_side, whole
 from service.world.scenario.measures import IMPACT
@@ -141,8 +142,7 @@ def command(
         click.echo(json.dumps(result, indent=2))
     else:
         _print(result.get("estimates", [result]), result.get("comparison", []))
-        for job, risk in risks.items():
-            click.echo(f"As a rate, by {job}: {risk.summary}")
+        _print_rates(risks)
     if with_report:
         (stderr.print if as_json else click.echo)(f"Report: {run.report()}")
     sys.exit(NOT_PRECISE if run.imprecise else 0)
@@ -169,6 +169,11 @@ def _print(summaries: list[dict[str, Any]], compared: list[dict[str, Any]]) -> N
             console.print(
                 f"[yellow]{_job(s)}: {warning['name']}[/yellow]: {warning['message']}. Remedy: {warning['remedy']}"
             )
+
+
+def _print_rates(risks: dict[str, Risk]) -> None:
+    for job, risk in risks.items():
+        Console().print(f"As a rate, by {job}: {risk.summary}", highlight=False, markup=False)
 
 
 def _table(summaries: Sequence[dict[str, Any]], against: dict[str, dict[str, Any]]) -> Table:

@@ -11,11 +11,11 @@ from service.analysis.failures.examine import EXAMINED
 from service.analysis.failures.find import find_failures
 from service.analysis.failures.objects import Failures
 from service.analysis.failures.rerun import Rerunner
+from service.analysis.run.bars import progress_bar
 from service.analysis.run.records import record_of
 from service.analysis.wording import quantity, significant
 from service.evaluation.cores import core_count
 from service.front.cli.options import json_option, workers_option
-from service.front.cli.progress import progress_bar
 from service.front.cli.runs import method_option, outcome_option, run_argument
 from service.front.cli.tables import dense
 

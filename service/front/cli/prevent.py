@@ -14,9 +14,9 @@ from service.analysis.failures.examine import EXAMINED
 from service.analysis.prevention.objects import Part, Prevention
 from service.analysis.prevention.onset import TTC_S
 from service.analysis.prevention.prevent import DEFAULT
+from service.analysis.run.bars import progress_bar
 from service.analysis.wording import quantity, significant
 from service.front.cli.options import json_option, require_folder, workers_option
-from service.front.cli.progress import progress_bar
 from service.front.cli.runs import method_option, run_argument
 from service.front.cli.tables import whole
 

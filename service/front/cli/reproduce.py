@@ -7,11 +7,11 @@ from pathlib import Path
 import click
 from rich.progress import Progress, TaskID
 
+from service.analysis.run.bars import progress_bar, stderr
 from service.errors import InputError
 from service.evaluation.cores import core_count
 from service.front.cli.main import INTERRUPTED
 from service.front.cli.options import seed_option, workers_option, zenoh_config_option
-from service.front.cli.progress import progress_bar, stderr
 from service.studies.reproduce.black_box import black_box
 from service.studies.reproduce.local import Watch, carry_out
 from service.studies.reproduce.page import Page, page_of, page_of_several, write_page

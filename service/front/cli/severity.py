@@ -10,12 +10,12 @@ from rich.text import Text
 
 from service.analysis.failures.events import ORDERS, Order
 from service.analysis.failures.examine import EXAMINED
+from service.analysis.run.bars import progress_bar
 from service.analysis.severity.objects import Injury, Likely, Severity
 from service.analysis.severity.severe import SPEEDS_MPS
 from service.analysis.wording import significant
 from service.errors import InputError
 from service.front.cli.options import json_option, workers_option
-from service.front.cli.progress import progress_bar
 from service.front.cli.runs import method_option, run_argument
 from service.front.cli.tables import whole
 

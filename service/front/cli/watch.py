@@ -6,10 +6,10 @@ from typing import Any
 import click
 import msgspec
 
+from service.analysis.run.bars import progress_bar, stderr
 from service.front.cli.client_options import client_options
 from service.front.cli.main import INTERRUPTED
 from service.front.cli.options import json_option
-from service.front.cli.progress import progress_bar, stderr
 from service.remote.api.objects import Event
 from service.remote.client import Client
 

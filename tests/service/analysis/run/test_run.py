@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -178,6 +180,27 @@ def test_a_script_needs_no_guard_around_its_main_part(tmp_path):
     )
     done = subprocess.run([sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True)
     assert done.stdout == "rollouts 10\n", done.stderr
+    assert done.stderr == ""
+
+
+def on_a_terminal(code: str) -> str:
+    """What Python code writes to standard error where that is a terminal."""
+    terminal, seen_as = os.openpty()
+    with os.fdopen(terminal, "rb", buffering=0) as screen:
+        shown = subprocess.Popen([sys.executable, "-c", code], stderr=seen_as, stdout=subprocess.DEVNULL)
+        os.close(seen_as)
+        written = b""
+        with contextlib.suppress(OSError):  # how a terminal says that nobody writes to it any more
+            while part := screen.read(4096):
+                written += part
+    assert shown.wait() == 0, written
+    return written.decode()
+
+
+def test_a_terminal_sees_how_far_a_run_is_unless_it_is_told_not_to(run):
+    again = f"import tailroad; tailroad.resume({str(run.path)!r}, workers=1, progress={{}})"
+    assert "60/60" in on_a_terminal(again.format(True))
+    assert on_a_terminal(again.format(False)) == ""
 
 
 @pytest.mark.parametrize(

@@ -160,6 +160,14 @@ def test_a_comparison_keeps_its_intervals_and_the_names_of_runs_whole(capsys):
         assert tail in told
 
 
+def test_a_rate_is_told_within_80_columns(capsys):
+    exposure = Exposure(rollouts=40, km=0.2, km_ci=(0.19, 0.21), hours=0.01, confidence=0.95)
+    estimate._print_rates({"naive": rate_of(0.0075, (0.0046, 0.0114), 0.95, exposure, "a contact")})
+    told = capsys.readouterr().out
+    assert told.startswith("As a rate, by naive: ")
+    assert max(map(len, told.splitlines())) <= 80
+
+
 def test_no_rate_is_made_of_an_estimate_that_is_withheld():
     exposure = Exposure(rollouts=40, km=0.2, km_ci=(0.19, 0.21), hours=0.01, confidence=0.95)
     withheld = withheld_for(("few-events", "dominant-weight"), 6000)

@@ -17,7 +17,8 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from service.analysis.run import Progress as Told
+from service.analysis.run.progress import Progress as Told
+from service.analysis.run.progress import by_job
 
 stderr = Console(stderr=True)
 
@@ -29,8 +30,11 @@ class RateColumn(ProgressColumn):
         return Text(f"{task.speed:.0f}/s" if task.speed else "", style="cyan")
 
 
-def progress_bar() -> Progress:
-    """A progress bar with counts, rate and time remaining."""
+def progress_bar(threaded: bool = True) -> Progress:
+    """A progress bar with counts, rate and time remaining.
+
+    threaded: drawn again ten times a second by a thread of its own, else by whoever tells it something
+    """
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -41,6 +45,9 @@ def progress_bar() -> Progress:
         TimeRemainingColumn(),
         TextColumn("{task.fields[note]}"),
         console=stderr,
+        auto_refresh=threaded,
+        redirect_stdout=threaded,
+        redirect_stderr=threaded,
         disable=not stderr.is_terminal,
     )
 
@@ -48,10 +55,10 @@ def progress_bar() -> Progress:
 class Shown:
     """Shows how far a run is: a bar for each job, or, where there is no terminal, a line as each begins.
 
-    name: what a bar is called, of the job.
+    name: what a bar is called, of the job
     """
 
-    def __init__(self, bar: Progress, workers: int, name: Callable[[Told], str] = lambda told: told.job.id):
+    def __init__(self, bar: Progress, workers: int, name: Callable[[Told], str] = by_job):
         self._bar, self._name = bar, name
         self._tasks: dict[tuple[str, str], TaskID] = {}
         self._starting = bar.add_task(f"starting {workers} workers", total=None, note="")
@@ -66,4 +73,5 @@ class Shown:
                     f"{self._name(told)}: at most {told.total:,} rollouts on {told.workers} workers, run {told.path}",
                     err=True,
                 )
-        self._bar.update(self._tasks[key], completed=told.rollouts, note=told.note)
+        drawn_here = not self._bar.live.auto_refresh
+        self._bar.update(self._tasks[key], completed=told.rollouts, note=told.note, refresh=drawn_here)
