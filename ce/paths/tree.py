@@ -86,6 +86,7 @@ class Driven(msgspec.Struct, frozen=True, eq=False):
     record: one a checkpoint, empty where none was asked for
     outcome: (k,) int64, how each path ended by the process' own code (`outcomes`), 0 where it tells none
     fallen: where paths came to lower values, also of those that roulette ended later
+    finals: (k, C), what else the process tells of each path's end (`finals`), C = 0 where it tells nothing
     """
 
     events: Array
@@ -99,6 +100,7 @@ class Driven(msgspec.Struct, frozen=True, eq=False):
     record: tuple[Recorded, ...] = ()
     outcome: Rows = msgspec.field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     fallen: Fallen = msgspec.field(default_factory=lambda: Fallen.none())
+    finals: Array = msgspec.field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def drive(
@@ -129,14 +131,13 @@ def drive(
     steps, begun = np.zeros(n, dtype=np.int64), np.ones(n, dtype=np.int64)
     _count(events, hits, root, weight, np.full(n, np.inf), smallest, levels)
     falls = [Fallen.among(root, weight, np.full(n, np.inf), smallest)]
-    ends: list[tuple[Rows, Array, Array, NDArray[np.uint64], Rows]] = []
+    ends: list[tuple[Rows, Array, Array, NDArray[np.uint64], Rows, Array]] = []
     recorded: list[Recorded] = []
     for k in range(segments):
         alive = process.alive(states)
         ended = np.flatnonzero(~alive)
-        ends.append(
-            (root[ended], weight[ended], smallest[ended], lineage[ended], _outcomes(process, states)[ended])
-        )
+        how = _outcomes(process, states)[ended], _finals(process, states, ended)
+        ends.append((root[ended], weight[ended], smallest[ended], lineage[ended], *how))
         rows = np.flatnonzero(alive)
         if k and plan is not None and committor is not None and rows.size:
             copies, lighter = _copies(process, states, rows, weight, key, smallest, plan, committor, k)
@@ -164,10 +165,13 @@ def drive(
             recorded.append(Recorded(features, weight, parent, before, smallest))
         parent = np.arange(root.size)
     else:
-        ends.append((root, weight, smallest, lineage, _outcomes(process, states)))
+        how = _outcomes(process, states), _finals(process, states, np.arange(root.size))
+        ends.append((root, weight, smallest, lineage, *how))
     at = np.concatenate([e[0] for e in ends])
     order = np.argsort(at, kind="stable")
-    weights, values, lineages, outcomes = (np.concatenate([e[j] for e in ends])[order] for j in (1, 2, 3, 4))
+    weights, values, lineages, outcomes, finals = (
+        np.concatenate([e[j] for e in ends])[order] for j in (1, 2, 3, 4, 5)
+    )
     return Driven(
         events,
         hits,
@@ -180,6 +184,7 @@ def drive(
         tuple(recorded),
         outcomes,
         joined_falls(falls),
+        finals,
     )
 
 
@@ -188,7 +193,7 @@ def joined(parts: Sequence[Driven]) -> Driven:
     first = np.cumsum([0] + [part.events.shape[0] for part in parts])
     columns = {
         name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("events", "hits", "steps", "begun", "weight", "value", "lineage")
+        for name in ("events", "hits", "steps", "begun", "weight", "value", "lineage", "finals")
     }
     root = np.concatenate([part.root + at for part, at in zip(parts, first[:-1], strict=True)])
     depth = max(len(part.record) for part in parts)
@@ -242,6 +247,14 @@ def _outcomes(process: Process[Any], states: Any) -> Rows:
     if told is None:
         return np.zeros(process.alive(states).size, dtype=np.int64)
     return np.asarray(told(states), dtype=np.int64)
+
+
+def _finals(process: Process[Any], states: Any, rows: NDArray[np.intp]) -> Array:
+    """What else the process tells of these ends (k, C)."""
+    told = getattr(process, "finals", None)
+    if told is None:
+        return np.zeros((rows.size, 0))
+    return np.asarray(told(states, rows), dtype=np.float64)
 
 
 def _copies(

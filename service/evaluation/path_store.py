@@ -21,10 +21,12 @@ from ce.paths import Driven, PathBatch, Roots
 from service.errors import StoreError
 from service.evaluation.store import Chunk, ChunkSource
 from service.evaluation.store.draws import row_hashes, rows_digest
+from service.world.safety.contact_numbers import contact_from
 from service.world.sim import step
 
 GIVEN, PILOT, COMMITTOR = "given", "pilot", "committor"
-_DRIVEN = ("events", "hits", "steps", "begun", "root", "weight", "value", "lineage", "outcome")
+_DRIVEN = ("events", "hits", "steps", "begun", "root", "weight", "value", "lineage", "outcome", "finals")
+_LATER = {"finals"}  # not in batches of before it was kept
 
 
 class Artefacts(Protocol):
@@ -89,7 +91,8 @@ def kept_batch(artefacts: Artefacts, job: str, iteration: int) -> KeptBatch | No
             x = np.full((stored["seeds"].size, dim), np.nan)
             x[stored["event_roots"]] = stored["event_x"]
             roots = Roots(x, stored["seeds"], stored["weights"], stored["rows"], stored["floored"])
-            driven = Driven(**{name: stored[f"driven_{name}"] for name in _DRIVEN})
+            there = [name for name in _DRIVEN if name not in _LATER or f"driven_{name}" in stored]
+            driven = Driven(**{name: stored[f"driven_{name}"] for name in there})
             batch = PathBatch("estimate", iteration, roots, starts, stored["levels"], False, None, None)
             return KeptBatch(batch, driven, float(stored["worker_s"]))
     except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
@@ -108,7 +111,15 @@ def chunk_of_batch(batch: PathBatch, driven: Driven, worker_s: float, in_sumo: i
     f[first[0]], outcomes[first[0]] = driven.value[lowest], driven.outcome[lowest]
     errors = {int(r): "a path failed" for r in np.unique(driven.root[failed]) if np.isnan(f[r])}
     digest = rows_digest(row_hashes(batch.roots.x, batch.roots.seeds))
-    return Chunk(0, n, f, outcomes, driven.steps.astype(np.int32), errors, worker_s, digest, in_sumo)
+    contacts = {
+        int(root): contact
+        for root, path in zip(first[0].tolist(), lowest.tolist(), strict=True)
+        if driven.outcome[path] == step.COLLIDED
+        and (contact := contact_from(driven.finals[path])) is not None
+    }
+    return Chunk(
+        0, n, f, outcomes, driven.steps.astype(np.int32), errors, worker_s, digest, in_sumo, contacts
+    )
 
 
 def committor_in(artefacts: Artefacts, job: str) -> bytes | None:

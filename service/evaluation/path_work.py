@@ -19,6 +19,7 @@ from service.evaluation.process_pool import ProcessPool, TaskKind
 from service.evaluation.processes import context_for
 from service.evaluation.store import FAILED
 from service.world.paths.process import HighwayPaths
+from service.world.safety.contact_numbers import NUMBERS, contact_from
 from service.world.sim.audited import EVERY, EVERY_EVENT
 from service.world.sim.rollout import OUTCOMES, Simulator
 
@@ -83,7 +84,8 @@ def _audit(process: HighwayPaths, work: PathWork, driven: ce.paths.Driven) -> in
         root = int(driven.root[i])
         x, noise = process.drawn(work.roots.x[root], int(work.roots.seeds[root]), driven.lineage[i])
         again = _opened().run(x, noise)
-        if again.f != driven.value[i] or again.outcome != OUTCOMES[int(driven.outcome[i])]:
+        same = again.f == driven.value[i] and again.outcome == OUTCOMES[int(driven.outcome[i])]
+        if not same or again.contact != contact_from(driven.finals[i]):
             raise SimulationError(
                 f"the path {noise} came to f = {driven.value[i]!r} ({OUTCOMES[int(driven.outcome[i])]}) without SUMO "
                 f"and to f = {again.f!r} ({again.outcome}) with it: they must be the same to the bit. Report this"
@@ -129,6 +131,7 @@ def _lost(work: PathWork) -> PathAnswer:
         ce.paths.Driven(
             none, none.astype(np.int64), np.zeros(1, np.int64), np.ones(1, np.int64), np.zeros(1, np.int64),
             work.roots.weights, np.full(1, np.nan), np.zeros((1, work.segments), np.uint64), outcome=np.full(1, FAILED),
+            finals=np.full((1, NUMBERS), np.nan),
         ),
         0.0,
     )  # fmt: skip

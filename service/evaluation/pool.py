@@ -69,6 +69,7 @@ def run_chunk(simulator: RolloutWorld, work: Work) -> Chunk:
         {i: r.error for i, r in enumerate(rollouts) if r.error is not None},
         time.perf_counter() - began,
         in_sumo=simulator.in_sumo - before,
+        contacts={i: r.contact for i, r in enumerate(rollouts) if r.contact is not None},
     )
 
 
@@ -102,6 +103,7 @@ def _joined(parts: Sequence[Chunk]) -> Chunk:
         {p.start - first + i: error for p in parts for i, error in p.errors.items()},
         sum(p.worker_s for p in parts),
         in_sumo=sum(p.in_sumo or 0 for p in parts),
+        contacts={p.start - first + i: contact for p in parts for i, contact in (p.contacts or {}).items()},
     )
 
 

@@ -16,11 +16,12 @@ from service.evaluation.endings import endings_of, estimate_of, outcomes_of
 from service.evaluation.evaluate import evaluate
 from service.evaluation.job import Job, Problem
 from service.evaluation.options import PATHS, options_of
-from service.evaluation.path_record import outcomes_of_paths, read_paths
+from service.evaluation.path_record import read_paths
 from service.evaluation.path_store import PathSource
 from service.evaluation.pool import OUTCOME_CODES, OUTCOME_NAMES
 from service.evaluation.store import FAILED, Chunk, ChunkSource
 from service.evaluation.summary import Ending
+from service.world.safety.contact import Contact
 from service.world.scenario.measures import IMPACT
 from service.world.scenario.noise import Noise
 
@@ -60,6 +61,8 @@ class JobRecord:
     recorded: rollouts on record, those of an incomplete batch included
     worker_s, sim_s: seconds of workers, and simulated seconds, that they took
     in_sumo: how many of them SUMO drove
+    contacts: of the rollouts that ended in one and have it on record, by (phase, iteration, row)
+    contacts_recorded: whether all of them have
     explicit_batches: phase and iteration of the batches that `explicit` is of
     outcome: where the event is an ending, and not f <= gamma: which; `estimate` is then of that event
     f: values of the rollouts that the estimate is made of, in its order
@@ -82,6 +85,8 @@ class JobRecord:
     worker_s: float
     sim_s: float
     in_sumo: int
+    contacts: dict[tuple[str, int, int], Contact] = field(default_factory=dict)
+    contacts_recorded: bool = False
     explicit_batches: frozenset[BatchKey] = frozenset()
     outcome: str | None = None
     f: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -243,9 +248,9 @@ def _of_paths(store: PathSource, problem: Problem, gamma: float) -> JobRecord:
         event_rows=np.zeros(0, np.int64),
         event_log_likelihood=np.zeros(0),
         explicit=read.events,
-        endings=endings_of(read.estimate, chunks, outcomes_of_paths(store, job.id, read.estimate)),
+        endings=endings_of(read.estimate, chunks, read.told),
         explicit_batches=frozenset((phase, iteration) for phase, iteration, _ in read.events),
-        **_totals(job, chunks),
+        **_totals(job, chunks) | {"contacts": read.contacts},
     )
 
 
@@ -253,7 +258,8 @@ def _totals(job: Job, chunks: Sequence[tuple[str, int, Chunk]]) -> dict[str, Any
     """What a job's chunks come to together."""
     outcomes: dict[str, Counter[str]] = {}
     errors: list[tuple[str, int, int, str]] = []
-    count, worker_s, steps, in_sumo = 0, 0.0, 0, 0
+    contacts: dict[tuple[str, int, int], Contact] = {}
+    count, worker_s, steps, in_sumo, recorded = 0, 0.0, 0, 0, True
     for phase, iteration, chunk in chunks:
         codes, counts = np.unique(chunk.outcomes, return_counts=True)
         ended = outcomes.setdefault(phase, Counter())
@@ -264,6 +270,8 @@ def _totals(job: Job, chunks: Sequence[tuple[str, int, Chunk]]) -> dict[str, Any
         worker_s += chunk.worker_s
         steps += int(chunk.steps.sum())
         in_sumo += chunk.driven_in_sumo
+        contacts |= {(phase, iteration, chunk.start + i): c for i, c in (chunk.contacts or {}).items()}
+        recorded = recorded and (chunk.contacts is not None or OUTCOME_CODES["collision"] not in codes)
     return {
         "outcomes": outcomes,
         "errors": tuple(errors),
@@ -271,6 +279,8 @@ def _totals(job: Job, chunks: Sequence[tuple[str, int, Chunk]]) -> dict[str, Any
         "worker_s": worker_s,
         "sim_s": steps * job.scenario.time.step_s,
         "in_sumo": in_sumo,
+        "contacts": contacts,
+        "contacts_recorded": recorded,
     }
 
 

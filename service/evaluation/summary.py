@@ -15,6 +15,24 @@ from service.world.scenario.measures import measure_kind
 SHAKY = {"no-rollouts", "no-events", "few-events", "dominant-weight", "heavy-tailed-weights"}
 
 
+class ContactKind(msgspec.Struct, frozen=True):
+    """One way in which the ego and another vehicle touched: contacts that met with the same sides.
+
+    name: the sides in words
+    ego_side, other_side: "front", "rear", "left" or "right"; None where it was not recorded
+    rollouts: with such a contact, of those that the estimate is made of, as drawn
+    p: probability of such a contact under P0; None where no rollout is there yet
+    ci: interval of p, with the estimate's confidence
+    """
+
+    name: str
+    ego_side: str | None
+    other_side: str | None
+    rollouts: int
+    p: float | None
+    ci: tuple[float, float]
+
+
 class Ending(msgspec.Struct, frozen=True):
     """One way in which rollouts of the estimate ended.
 
@@ -22,12 +40,14 @@ class Ending(msgspec.Struct, frozen=True):
     rollouts: that ended so, of those that the estimate is made of, as drawn
     p: probability of this ending under P0; None where no rollout is there yet
     ci: interval of p, with the estimate's confidence
+    contacts: of a collision, by the sides that met, the likeliest first
     """
 
     outcome: str
     rollouts: int
     p: float | None
     ci: tuple[float, float]
+    contacts: tuple[ContactKind, ...] = ()
 
 
 def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost", endings: Sequence[Ending]) -> dict[str, Any]:

@@ -32,7 +32,7 @@ from service.analysis.severity.severe import SPEEDS_MPS
 from service.errors import InputError
 from service.evaluation.endings import endings_of
 from service.evaluation.job import Job, Problem
-from service.evaluation.path_record import outcomes_of_paths
+from service.evaluation.path_record import told_of_paths
 from service.evaluation.pool import OUTCOME_NAMES
 from service.evaluation.record import JobRecord
 from service.evaluation.store import RunDirectory
@@ -111,7 +111,7 @@ class Run:
         return record_of(self.path, job, gamma, outcome)[0]
 
     def to_polars(self) -> pl.DataFrame:
-        """Every rollout, a row each: job, phase, iteration, row, f, outcome, steps, error, worker."""
+        """Every rollout, a row each: job, phase, iteration, row, f, outcome, steps, error, worker, contact."""
         with RunDirectory.open(self.path) as store:
             return table_of({job.id: store.record.with_origins(job.id) for job in store.jobs}, OUTCOME_NAMES)
 
@@ -192,8 +192,8 @@ class Run:
 
 
 def _endings(store: RunDirectory, job: Job, estimate: ce.Estimate) -> tuple[Ending, ...]:
-    outcomes = outcomes_of_paths(store, job.id, estimate) if isinstance(estimate, ce.PathEstimate) else None
-    return endings_of(estimate, store.all_chunks(job.id), outcomes)
+    told = told_of_paths(store, job.id, estimate) if isinstance(estimate, ce.PathEstimate) else None
+    return endings_of(estimate, store.all_chunks(job.id), told)
 
 
 def estimated(job: Job, estimate: ce.Estimate, cost: Cost, endings: tuple[Ending, ...]) -> Estimated:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from service.analysis.failures.events import Order, events_of
-from service.analysis.failures.examine import EXAMINED, Watch, examine, look_away
+from service.analysis.failures.examine import EXAMINED, Watch, look_away
 from service.analysis.failures.rerun import Rerunner
 from service.analysis.prevention.conflict import check_reference
 from service.analysis.prevention.kept import keep
@@ -15,7 +15,7 @@ from service.analysis.run.both_drives import write_both
 from service.analysis.run.records import record_of
 from service.analysis.severity.masses import masses_of
 from service.analysis.severity.objects import Severity
-from service.analysis.severity.severe import SPEEDS_MPS, severity_of
+from service.analysis.severity.severe import SPEEDS_MPS, examine_severity, severity_of
 from service.analysis.trace import Trace
 from service.errors import InputError
 from service.evaluation.cores import core_count
@@ -84,10 +84,10 @@ def severity_of_run(
 ) -> Severity:
     """How severe the contacts of a run's job are; the arguments as of `severity_of` and `prevention_of`.
 
-    most: dangerous rollouts at most that are run again
+    most: dangerous rollouts at most that are run again; of a record that has their contacts only the listed ones are
     """
     record, _ = record_of(run, job)
     masses_of(record.job.scenario, masses)  # wrong ones are told before anything is run
     with Rerunner(record.job, workers or core_count()) as rerunner:
-        examined = examine(events_of(record), rerunner, most=most, folder=run, watch=watch)
+        examined = examine_severity(events_of(record), rerunner, order, most, run, watch)
     return severity_of(run.name, examined, order, speeds_mps, masses)

@@ -62,7 +62,8 @@ class Severity(msgspec.Struct, frozen=True, kw_only=True):
     """How severe a job's contacts are.
 
     events: dangerous rollouts in the estimation
-    examined: of them run again
+    examined: of them counted here
+    from_record: whether their contacts were on record, and not found by running them again
     contact: probability of a contact of the ego
     at_least: of one with a change of the ego's velocity of so much or more
     injury, other_injury: of the ego's and of the other vehicle's occupants
@@ -83,6 +84,7 @@ class Severity(msgspec.Struct, frozen=True, kw_only=True):
     order: Order
     events: int
     examined: int
+    from_record: bool = False
     contact: Likely
     at_least: tuple[AtLeast, ...]
     injury: Injury

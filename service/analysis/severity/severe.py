@@ -2,13 +2,15 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from service.analysis.failures.events import Order
-from service.analysis.failures.examine import Examined, modes_by_position
+from service.analysis.failures.events import Events, Order
+from service.analysis.failures.examine import Examined, Watch, examine, look_away, modes_by_position
 from service.analysis.failures.find import notes_on
+from service.analysis.failures.rerun import Rerunner
 from service.analysis.failures.shares import mean_interval
 from service.analysis.failures.tell import mean_p, mode_p, mode_share
 from service.analysis.severity.harm import Harm, harms_of
@@ -38,9 +40,10 @@ def severity_of(
     masses: Mapping[str, float] | None = None,
     listed: int = LISTED,
 ) -> Severity:
-    """How severe the contacts among examined rollouts are.
+    """How severe the contacts among examined rollouts are: those on record, else as they are run again.
 
     run: what the run is called
+    examined: rollouts of its sample need not have been run again where their contacts are on record
     speeds_mps: changes of velocity whose probabilities are wanted
     masses: of vehicles by name (kg), in place of their class's; InputError for one that there is not
     listed: contacts to tell of, the severest first
@@ -49,13 +52,14 @@ def severity_of(
     job, estimate = record.job, record.estimate
     weigh = masses_of(job.scenario, masses)
     own_kg = weigh[job.scenario.vehicles[job.scenario.ego].name]
-    hits = {i: hit for i in examined.sample.tolist() if (hit := _hit(examined, i, weigh, own_kg)) is not None}
+    hits = _hits(examined, weigh, own_kg)
     sample = examined.sample.tolist()
     delta_v = np.array([hits[i].ego.delta_v_mps if i in hits else -1.0 for i in sample])
     is_hit = delta_v >= 0.0
-    (modes,) = modes_by_position([examined])
+    again = [i for i in sample if i in examined.reruns]
+    (modes,) = modes_by_position([replace(examined, sample=np.array(again, dtype=np.int64))])
     rank = {position: n for n, position in enumerate(events.ranking(order).tolist(), start=1)}
-    severest = sorted(hits, key=lambda i: (-hits[i].ego.injury, rank[i]))[:listed]
+    severest = [i for i in _severest(hits, rank) if i in examined.reruns][:listed]
     return Severity(
         run=run,
         job=job.id,
@@ -68,6 +72,7 @@ def severity_of(
         order=order,
         events=len(events),
         examined=examined.sample.size,
+        from_record=record.contacts_recorded,
         contact=_likely(examined, is_hit),
         at_least=tuple(_at_least(examined, is_hit & (delta_v >= v), v) for v in speeds_mps),
         injury=_injury(examined, is_hit, [hits[i].ego.injury if i in hits else 0.0 for i in sample]),
@@ -79,11 +84,46 @@ def severity_of(
     )
 
 
-def _hit(examined: Examined, i: int, weigh: Mapping[str, float], own_kg: float) -> _Hit | None:
-    contact = examined.reruns[i].contact
-    if contact is None:
-        return None
-    vehicles = examined.events.record.job.scenario.vehicles
+def examine_severity(
+    events: Events,
+    rerunner: Rerunner,
+    order: Order = "likelihood",
+    most: int = LISTED,
+    folder: Path | None = None,
+    watch: Watch = look_away,
+) -> Examined:
+    """What `severity_of` needs. Of a record with contacts: all dangerous rollouts, only the severest of them run again,
+    for what led up to them; of an older one a sample of `most`, run again."""
+    record = events.record
+    if not record.contacts_recorded:
+        return examine(events, rerunner, most=most, folder=folder, watch=watch)
+    weigh = masses_of(record.job.scenario)
+    whole = Examined(events, np.arange(len(events)), {})
+    hits = _hits(whole, weigh, weigh[record.job.scenario.vehicles[record.job.scenario.ego].name])
+    rank = {position: n for n, position in enumerate(events.ranking(order).tolist(), start=1)}
+    listed = _severest(hits, rank)[: min(LISTED, most)]
+    return replace(whole, reruns=examine(events, rerunner, listed, 0, (), folder, watch).reruns)
+
+
+def _severest(hits: Mapping[int, _Hit], rank: Mapping[int, int]) -> list[int]:
+    """Positions of contacts, the severest first."""
+    return sorted(hits, key=lambda i: (-hits[i].ego.injury, rank[i]))
+
+
+def _hits(examined: Examined, weigh: Mapping[str, float], own_kg: float) -> dict[int, _Hit]:
+    """The contacts of the sample, by position."""
+    events, record = examined.events, examined.events.record
+    found = {}
+    for i in examined.sample.tolist():
+        key = events.phase, int(events.iterations[i]), int(events.rows[i])
+        contact = record.contacts.get(key) if record.contacts_recorded else examined.reruns[i].contact
+        if contact is not None:
+            found[i] = _hit(events, contact, weigh, own_kg)
+    return found
+
+
+def _hit(events: Events, contact: Contact, weigh: Mapping[str, float], own_kg: float) -> _Hit:
+    vehicles = events.record.job.scenario.vehicles
     # background traffic, which has no name: SUMO's default passenger car
     other = vehicles[contact.other].name if contact.other < len(vehicles) else None
     other_kg = class_of(5.0)[1] if other is None else weigh[other]

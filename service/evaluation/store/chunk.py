@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from service.errors import StoreError
+from service.world.safety.contact import Contact
 
 FAILED = 255  # outcome code of a rollout that ended in an error
 
@@ -26,6 +27,8 @@ class Chunk:
     worker_s: float
     draws: str = ""  # digest of the rows' x and noise seeds (`draws.py`); "" where it was not written down
     in_sumo: int | None = None  # how many of them SUMO has driven; None where it was not written down
+    # of the ego, by row as errors are, of the rollouts that ended in one; None where it was not written down
+    contacts: dict[int, Contact] | None = None
 
     @property
     def driven_in_sumo(self) -> int:
@@ -33,7 +36,10 @@ class Chunk:
         return self.stop - self.start if self.in_sumo is None else self.in_sumo
 
     def fingerprint(self) -> bytes:
-        """Of everything that decides an estimate: two workers that ran the same rows must agree on it to the bit."""
+        """Of everything that decides an estimate: two workers that ran the same rows must agree on it to the bit.
+
+        Contacts are left out, so that records of before they were written down keep theirs.
+        """
         digest = hashlib.blake2b(digest_size=16)
         digest.update(self.f.astype("<f8").tobytes())
         digest.update(self.outcomes.astype(np.uint8).tobytes())
@@ -74,6 +80,9 @@ def row_of(job: str, phase: str, iteration: int, chunk: Chunk, origin: Origin = 
         "digest": chunk.draws,
         "worker": origin.worker,
         "in_sumo": chunk.in_sumo,
+        "contacts": None
+        if chunk.contacts is None
+        else msgspec.json.encode({str(k): v for k, v in chunk.contacts.items()}).decode(),
     }
     return row | {"checksum": checksum_of(row)}
 
@@ -126,6 +135,9 @@ def _chunk_of(row: Any) -> Chunk:
         row.worker_s,
         row.digest,
         row.in_sumo,
+        None
+        if row.contacts is None
+        else {int(k): v for k, v in msgspec.json.decode(row.contacts, type=dict[str, Contact]).items()},
     )
 
 
@@ -141,4 +153,5 @@ def failed_chunk(start: int, stop: int, reason: str) -> Chunk:
         dict.fromkeys(range(n), reason),
         0.0,
         in_sumo=0,
+        contacts={},
     )

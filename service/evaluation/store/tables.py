@@ -8,7 +8,7 @@ one that does not match them is replaced.
 
 import sqlalchemy as sa
 
-VERSION = "0010"  # the newest of migrations/versions
+VERSION = "0011"  # the newest of migrations/versions
 
 metadata = sa.MetaData()
 
@@ -41,6 +41,7 @@ chunks = sa.Table(
     sa.Column("worker", sa.Text, nullable=False),  # "" = a local process
     sa.Column("checksum", sa.Text, nullable=False, server_default=""),  # of all the row says, "" = an old row
     sa.Column("in_sumo", sa.Integer),  # how many of the rollouts SUMO has driven; NULL = an old row
+    sa.Column("contacts", sa.Text),  # JSON: {"row": contact}, rows counted from `start`; NULL = an old row
     sa.Index("chunks_by_worker", "worker"),
 )
 

@@ -194,6 +194,8 @@ def _table(summaries: Sequence[dict[str, Any]], against: dict[str, dict[str, Any
     row("failed rollouts", [f"{s['rollouts']['failed']:,}" for s in summaries])
     for outcome in dict.fromkeys(e["outcome"] for s in summaries for e in s["endings"]):
         row(f"ended with {outcome}", [_ending(s, outcome) for s in summaries])
+        for kind in dict.fromkeys(kind for s in summaries for kind in _contacts(s, outcome)):
+            row(f"  {kind}", [_chance(_contacts(s, outcome).get(kind)) for s in summaries])
     if against:
         for label, key in (
             ("ratio of rare events", "ratio_of_rare_events"),
@@ -221,7 +223,16 @@ def _p(summary: dict[str, Any]) -> str:
 
 def _ending(summary: dict[str, Any], outcome: str) -> str:
     """p of an ending, its interval, and the rollouts that ended so."""
-    found = next((e for e in summary["endings"] if e["outcome"] == outcome), None)
+    return _chance(next((e for e in summary["endings"] if e["outcome"] == outcome), None))
+
+
+def _contacts(summary: dict[str, Any], outcome: str) -> dict[str, dict[str, Any]]:
+    """The contacts of an ending, by their names."""
+    listed = (e["contacts"] for e in summary["endings"] if e["outcome"] == outcome)
+    return {kind["name"]: kind for kind in next(listed, ())}
+
+
+def _chance(found: dict[str, Any] | None) -> str:
     if found is None or found["p"] is None:
         return "none"
     return f"{found['p']:.3g}\n{found['ci'][0]:.2g} to {found['ci'][1]:.2g}\n({found['rollouts']:,})"

@@ -15,7 +15,7 @@ FLEET = "fleet.sqlite"
 )
 @click.option("--job", "chosen", multiple=True, help="Only this job; once for each.  [default: all]")
 def command(run: str, parquet: Path, chosen: tuple[str, ...]) -> None:
-    """Write every rollout of RUN to a Parquet file: job, phase, iteration, row, f, outcome, steps, error, worker.
+    """Write every rollout of RUN to a Parquet file, with f, outcome, steps, error, worker, and how vehicles touched.
 
     RUN is a run directory of `tailroad estimate`, the --home of `tailroad serve`, or the URL of a database.
     """

@@ -58,7 +58,8 @@ def command(
 ) -> None:
     """How severe are the contacts: change of velocity, risk of serious injury?
 
-    From the dangerous rollouts of RUN and their weights alone; each is run again, as by `tailroad failures`.
+    From the dangerous rollouts of RUN, their contacts on record and their weights alone; the severest are run again for
+    what led up to them. Where a record has no contacts, a sample of its dangerous rollouts is run again.
     """
     from service.analysis.run.verdicts import severity_of_run
 

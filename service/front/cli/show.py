@@ -6,6 +6,7 @@ from rich.console import Console
 from rich.table import Table
 
 from service.analysis.wording import quantity, treatment
+from service.evaluation.summary import ContactKind, Ending
 from service.front.cli.client_options import client_options, echo_json
 from service.front.cli.jobs import counted, status_text
 from service.front.cli.options import finite, json_option
@@ -40,8 +41,8 @@ def command(job: str, gamma: float | None, confidence: float | None, client: Cli
         "worker time": f"{estimate.worker_s:.0f} s",
     }
     for ending in estimate.endings:
-        p = "not known" if ending.p is None else f"{ending.p:.3g}, {ending.ci[0]:.2g} to {ending.ci[1]:.2g}"
-        rows[f"ended with {ending.outcome}"] = f"{p} ({ending.rollouts:,})"
+        rows[f"ended with {ending.outcome}"] = _chance(ending)
+        rows |= {f"  {kind.name}": _chance(kind) for kind in ending.contacts}
     for name, value in rows.items():
         table.add_row(name, value)
     console.print(table)
@@ -49,6 +50,11 @@ def command(job: str, gamma: float | None, confidence: float | None, client: Cli
         console.print(f"[yellow]{warning.name}[/yellow]: {warning.message}. Remedy: {warning.remedy}")
     for worker, why in found.refusals.items():
         console.print(f"[yellow]worker {worker}[/yellow] cannot run it: {why}", highlight=False)
+
+
+def _chance(one: Ending | ContactKind) -> str:
+    p = "not known" if one.p is None else f"{one.p:.3g}, {one.ci[0]:.2g} to {one.ci[1]:.2g}"
+    return f"{p} ({one.rollouts:,})"
 
 
 def _p(job: Job, estimate: Estimate) -> str:

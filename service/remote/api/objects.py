@@ -6,6 +6,7 @@ import msgspec
 
 from service.analysis.estimated import Estimated
 from service.analysis.failures.playback import Playback
+from service.world.safety.contact import Contact
 
 STATUSES = ("running", "paused", "done", "cancelled", "failed", "needs-restart")
 OVER = ("done", "cancelled", "failed", "needs-restart")
@@ -232,8 +233,9 @@ class Events(_Body, frozen=True):
 
 class Rollouts(_Body, frozen=True):
     """A page of the rollouts on record, as columns of the same length. row: of the batch (phase, iteration); f: null
-    where the rollout failed, for the reason in error; worker: who ran it; next: give it as `after` for the next page,
-    null: this was the last."""
+    where the rollout failed, for the reason in error; worker: who ran it; contact: how the ego and another vehicle
+    touched, null: they did not, or, where the outcome is "collision", it was not recorded; next: give it as `after` for
+    the next page, null: this was the last."""
 
     phase: tuple[str, ...]
     iteration: tuple[int, ...]
@@ -243,6 +245,7 @@ class Rollouts(_Body, frozen=True):
     steps: tuple[int, ...]
     error: tuple[str | None, ...]
     worker: tuple[str | None, ...]
+    contact: tuple[Contact | None, ...]
     next: str | None
 
 

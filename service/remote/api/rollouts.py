@@ -17,7 +17,7 @@ Place = tuple[
 ]  # phase, iteration, start and epoch of a chunk; the first row of it that is meant
 BEGIN: Place = ("", 0, 0, 0, 0)
 ERROR_CHARACTERS = 1_000_000  # of a page's reasons: a page ends early where there are more
-COLUMNS = ("phase", "iteration", "row", "f", "outcome", "steps", "error", "worker")
+COLUMNS = ("phase", "iteration", "row", "f", "outcome", "steps", "error", "worker", "contact")
 
 
 class RolloutAnswers:
@@ -76,6 +76,8 @@ def _take(
     columns["steps"] += chunk.steps[within].tolist()
     columns["error"] += [chunk.errors.get(row - chunk.start) for row in range(first, stop)]
     columns["worker"] += [worker] * n
+    contacts = chunk.contacts or {}
+    columns["contact"] += [contacts.get(row - chunk.start) for row in range(first, stop)]
 
 
 def _place(after: str) -> Place:

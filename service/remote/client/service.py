@@ -16,7 +16,7 @@ from service.analysis.notebook import comparison_html, estimates_html
 from service.analysis.rollout_files import RolloutFiles
 from service.closing import Closing
 from service.errors import InputError, StoreError
-from service.evaluation.store.export import SCHEMA
+from service.evaluation.store.export import SCHEMA, contact_columns
 from service.remote.api.objects import Rollouts
 from service.remote.client.client import DEFAULT_ENDPOINT, Client
 
@@ -146,7 +146,7 @@ class RemoteRun:
         return self
 
     def to_polars(self) -> pl.DataFrame:
-        """Every rollout on record, a row each: job, phase, iteration, row, f, outcome, steps, error, worker."""
+        """Every rollout, a row each: job, phase, iteration, row, f, outcome, steps, error, worker, contact."""
         pages = [
             pl.DataFrame({"job": [self.job] * len(page.row)} | _columns(page), SCHEMA)
             for page in self.client.all_rollouts(self.job)
@@ -209,8 +209,9 @@ def as_sent(scenario: Any) -> str | dict[str, Any]:
 
 
 def _columns(page: Rollouts) -> dict[str, Any]:
-    """The columns of a page of rollouts."""
-    return {name: column for name, column in msgspec.structs.asdict(page).items() if name != "next"}
+    """The columns of a page of rollouts, as `service.evaluation.store.export` has them."""
+    told = {k: v for k, v in msgspec.structs.asdict(page).items() if k not in ("next", "contact")}
+    return told | contact_columns([outcome == "collision" for outcome in page.outcome], page.contact)
 
 
 def write_to(path: Path, content: bytes) -> Path:

@@ -9,6 +9,7 @@ from service.remote.fleet.messages import MAX_REASON, MAX_ROWS, Answer, BadMessa
 
 OUTCOMES = np.zeros(256, dtype=bool)
 OUTCOMES[[0, 1, 2, 3, 4, FAILED]] = True  # service.evaluation.pool.OUTCOME_CODES, pinned by a test
+COLLISION = 2
 
 
 def answer_of(worker: str, lease: int, key: ChunkKey, chunk: Chunk) -> Answer:
@@ -23,6 +24,7 @@ def answer_of(worker: str, lease: int, key: ChunkKey, chunk: Chunk) -> Answer:
         {row: reason[:MAX_REASON] for row, reason in chunk.errors.items()},
         chunk.worker_s,
         chunk.in_sumo,
+        chunk.contacts,
     )
 
 
@@ -49,6 +51,21 @@ def chunk_of(answer: Answer) -> Chunk:
         raise BadMessage(f"worker_s is {answer.worker_s}")
     if answer.in_sumo is not None and not 0 <= answer.in_sumo <= n:
         raise BadMessage(f"in_sumo is {answer.in_sumo} of {n} rollouts")
+    _check_contacts(answer, outcomes)
     return Chunk(
-        key.start, key.stop, f, outcomes, steps, answer.errors, answer.worker_s, in_sumo=answer.in_sumo
-    )
+        key.start, key.stop, f, outcomes, steps, answer.errors, answer.worker_s, in_sumo=answer.in_sumo,
+        contacts=answer.contacts,
+    )  # fmt: skip
+
+
+def _check_contacts(answer: Answer, outcomes: np.ndarray) -> None:
+    if answer.contacts is None:
+        return
+    if set(answer.contacts) != set(np.flatnonzero(outcomes == COLLISION).tolist()):
+        raise BadMessage(
+            "contacts must be given for the rollouts that ended in a collision, and for no others"
+        )
+    for contact in answer.contacts.values():
+        speeds = contact.speed_mps, contact.ahead_mps, contact.left_mps
+        if not (contact.other >= 0 and contact.speed_mps >= 0.0 and all(map(math.isfinite, speeds))):
+            raise BadMessage(f"no contact is {contact}")

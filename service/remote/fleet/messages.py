@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 
 from service.evaluation.job import Job
+from service.world.safety.contact import Contact
 
 PREFIX = "tailroad/v1/fleet"
 MAX_BYTES = 32 * 2**20  # of a message; larger ones are refused unread
@@ -71,7 +72,7 @@ class ChunkKey(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 class Answer(_Message, frozen=True, tag="answer"):
     """The rollouts of a chunk: f float64, outcomes uint8, steps int32, little-endian; errors by row of the chunk;
-    in_sumo: how many of them SUMO has driven."""
+    in_sumo: how many of them SUMO has driven; contacts: by row of the chunk, of those that ended in one."""
 
     worker: str
     lease: int
@@ -82,6 +83,7 @@ class Answer(_Message, frozen=True, tag="answer"):
     errors: dict[int, str]
     worker_s: float
     in_sumo: int | None = None
+    contacts: dict[int, Contact] | None = None
 
 
 class Failed(_Message, frozen=True, tag="failed"):

@@ -11,6 +11,8 @@ from service.world.paths.features import features_of
 from service.world.paths.lineage import draw_of
 from service.world.paths.noise import constants_of
 from service.world.paths.states import States, empty_states
+from service.world.safety.contact import contact_of
+from service.world.safety.contact_numbers import NUMBERS, numbers_of
 from service.world.scenario.base import base_distribution
 from service.world.scenario.causes import GRID
 from service.world.scenario.noise import PathNoise
@@ -88,6 +90,15 @@ class HighwayPaths:
     def outcomes(self, states: States) -> np.ndarray:
         """How each stands (n,), as `service.world.sim.step` has it."""
         return states.status
+
+    def finals(self, states: States, rows: np.ndarray) -> np.ndarray:
+        """The ego's contact in each of these (k, NUMBERS), as `service.world.safety.contact_numbers` has it."""
+        told = np.full((len(rows), NUMBERS), np.nan)
+        for i, row in enumerate(rows.tolist()):
+            if states.status[row] == step.COLLIDED:
+                agents = states.agents[row]
+                told[i] = numbers_of(contact_of(agents, len(agents), self._layout.ego))
+        return told
 
     def features(self, states: States) -> np.ndarray:
         """(n, other vehicles, FEATURES) float32."""

@@ -1,6 +1,7 @@
 """Where the ego and another vehicle touch first: which vehicle, which side of each and which part of that side."""
 
 import math
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -14,6 +15,11 @@ LONGEST_BACK_S = 1.0  # further back than this no contact of a step began: the b
 THIRD = (
     1.0 / 3.0
 )  # of a side's half: its middle part reaches so far from the middle (SAE J224 has thirds, too)
+
+
+Side = Literal["front", "rear", "left", "right"]
+Part = Literal["left", "middle", "right", "front", "rear"]
+Who = Literal["ego", "other"]
 
 
 class Contact(msgspec.Struct, frozen=True):
@@ -32,11 +38,11 @@ class Contact(msgspec.Struct, frozen=True):
     speed_mps: float
     ahead_mps: float
     left_mps: float
-    ego_side: str
-    ego_part: str
-    other_side: str
-    other_part: str
-    striking: str
+    ego_side: Side
+    ego_part: Part
+    other_side: Side
+    other_part: Part
+    striking: Who
 
 
 def contact_of(agents: np.ndarray, count: int, ego: int) -> Contact | None:
@@ -74,7 +80,7 @@ def contact_of(agents: np.ndarray, count: int, ego: int) -> Contact | None:
     )
 
 
-def _striking(a: np.ndarray, b: np.ndarray, ego_side: str, other_side: str, normal: np.ndarray) -> str:
+def _striking(a: np.ndarray, b: np.ndarray, ego_side: Side, other_side: Side, normal: np.ndarray) -> Who:
     """Who ran into the other; normal: the direction from ego to other in which they met."""
     if (ego_side == "front") != (other_side == "front"):
         return "ego" if ego_side == "front" else "other"
@@ -145,7 +151,7 @@ def _meeting_point(a: np.ndarray, b: np.ndarray, normal: np.ndarray, back_s: flo
     return depth * normal + 0.5 * (low + high) * across
 
 
-def _where(agent: np.ndarray, out: np.ndarray, point: np.ndarray) -> tuple[str, str]:
+def _where(agent: np.ndarray, out: np.ndarray, point: np.ndarray) -> tuple[Side, Part]:
     """Side and part of it, of a point relative to the box's centre; out: the direction of the other vehicle."""
     ahead, left = _axes(agent)
     along, across = float(out @ ahead), float(out @ left)
@@ -156,5 +162,5 @@ def _where(agent: np.ndarray, out: np.ndarray, point: np.ndarray) -> tuple[str, 
     return ("left" if across > 0.0 else "right"), _part(share, "front", "rear")
 
 
-def _part(share: float, above: str, below: str) -> str:
+def _part(share: float, above: Part, below: Part) -> Part:
     return above if share > THIRD else below if share < -THIRD else "middle"

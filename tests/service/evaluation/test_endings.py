@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import ce
 from service.evaluation.endings import UNKNOWN, endings_of, outcomes_of
 from service.evaluation.pool import OUTCOME_CODES
 from service.evaluation.store import FAILED, Chunk
+from service.world.safety.contact import Contact
 
 HORIZON, COLLISION, OFF_ROAD = (OUTCOME_CODES[name] for name in ("horizon", "collision", "off-road"))
 BASE = ce.Product([ce.Beta(2, 2)])
@@ -59,6 +61,28 @@ def test_weights_count_and_the_searchs_own_rollouts_do_not():
     found = {e.outcome: e for e in endings_of(estimate_of(f, np.log(weights), 50), chunks)}
     assert found["collision"].p == pytest.approx(weights[codes == COLLISION].sum() / f.size)
     assert found["collision"].rollouts == (codes == COLLISION).sum()
+
+
+def test_contacts_are_told_by_the_sides_that_met_and_what_was_not_recorded_is_told_so():
+    f, codes = drawn()
+    codes[::7] = HORIZON
+    struck = Contact(1, 2.0, -2.0, 0.0, "front", "middle", "rear", "middle", "ego")
+    swiped = Contact(2, 1.0, 0.0, -1.0, "left", "front", "right", "front", "other")
+    early = {i: swiped if i % 2 else struck for i in range(200) if codes[i] == COLLISION}
+    parts = chunk(0, f[:200], codes[:200]), chunk(200, f[200:], codes[200:])
+    chunks = [("estimate", 0, replace(parts[0], contacts=early)), ("estimate", 0, parts[1])]
+    (collision,) = (e for e in endings_of(estimate_of(f), chunks) if e.outcome == "collision")
+    found = {kind.name: kind for kind in collision.contacts}
+    times = {
+        "the ego's front, the other's rear": sum(one is struck for one in early.values()),
+        "the ego's left side, the other's right side": sum(one is swiped for one in early.values()),
+        "sides not recorded": int((codes[200:] == COLLISION).sum()),
+    }
+    assert {name: kind.rollouts for name, kind in found.items()} == times
+    assert all(kind.p == pytest.approx(kind.rollouts / f.size) for kind in found.values())
+    assert math.fsum(kind.p for kind in found.values()) == pytest.approx(collision.p)
+    assert [kind.p for kind in collision.contacts] == sorted((k.p for k in collision.contacts), reverse=True)
+    assert all(kind.ci[0] < kind.p < kind.ci[1] for kind in collision.contacts)
 
 
 def test_a_value_that_nobody_recorded_has_no_ending():

@@ -9,6 +9,7 @@ from scipy.stats import kstest
 import ce
 from service.evaluation.job import Problem, make_job
 from service.world.paths.process import HighwayPaths
+from service.world.safety.contact_numbers import contact_from
 from service.world.scenario import load_scenario
 from service.world.scenario.noise import noise_of
 from service.world.sim.rollout import OUTCOMES
@@ -92,6 +93,7 @@ def test_segments_one_after_another_are_the_rollout_driven_with_all_their_noise(
                     OUTCOMES[states.status[i]],
                     states.at[i],
                 )
+                assert contact_from(process.finals(states, np.array([i]))[0]) == whole.contact
             outcomes.add(whole.outcome)
     assert {"horizon", "collision"} <= outcomes
 

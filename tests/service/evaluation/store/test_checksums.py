@@ -37,6 +37,7 @@ CHANGES = {
     "worker": "x",
     "checksum": "00",
     "in_sumo": 2,
+    "contacts": '{"3":{}}',
 }
 
 

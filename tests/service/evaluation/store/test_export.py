@@ -9,9 +9,12 @@ from click.testing import CliRunner
 from service.evaluation.store import Chunk, Origin, RunDirectory
 from service.evaluation.store.jobs import JobStore
 from service.front.cli import main
+from service.world.safety.contact import Contact
+
+TOUCH = Contact(4, 3.0, -3.0, 0.25, "front", "left", "rear", "right", "ego")
 
 
-def chunk(start: int) -> Chunk:
+def chunk(start: int, contacts: dict[int, Contact] | None = None) -> Chunk:
     outcomes = np.array([0, 255, 2], np.uint8)
     return Chunk(
         start,
@@ -21,6 +24,7 @@ def chunk(start: int) -> Chunk:
         np.arange(3, dtype=np.int32),
         {1: "no"},
         1.0,
+        contacts=contacts,
     )
 
 
@@ -63,3 +67,20 @@ def test_bad_input_is_exit_code_2(tmp_path, job):
     result = export(run, "--parquet", file)  # no rollouts yet: a table without rows
     assert result.exit_code == 0
     assert pl.read_parquet(file).height == 0
+
+
+def test_how_vehicles_touched_is_there_and_an_older_record_says_that_it_is_not(tmp_path, job):
+    with RunDirectory.create(tmp_path / "run", (job,)) as run:
+        run.append("naive", "estimate", 0, chunk(0, {2: TOUCH}))
+        run.append("naive", "estimate", 0, chunk(3))
+        assert [c.contacts for c in run.chunks("naive", "estimate", 0)] == [{2: TOUCH}, None]
+    assert export(str(tmp_path / "run"), "--parquet", str(tmp_path / "t.parquet")).exit_code == 0
+    table = pl.read_parquet(tmp_path / "t.parquet")
+    assert table["contact_recorded"].to_list() == [None, None, True, None, None, False]
+    row = {name: value for name, value in table.row(2, named=True).items() if name.startswith("contact_")}
+    assert row == {
+        "contact_recorded": True, "contact_other": 4, "contact_mps": 3.0, "contact_ahead_mps": -3.0,
+        "contact_left_mps": 0.25, "contact_ego_side": "front", "contact_ego_part": "left",
+        "contact_other_side": "rear", "contact_other_part": "right", "contact_striking": "ego",
+    }  # fmt: skip
+    assert table["contact_ego_side"].null_count() == 5

@@ -1,6 +1,8 @@
 """`tailroad prevent` and `tailroad severity` on a run with contacts."""
 
 import json
+import shutil
+import sqlite3
 from pathlib import Path
 
 import cv2
@@ -43,6 +45,35 @@ def test_severity_is_told_and_printed(run: Path):
         assert -hit.f == pytest.approx(hit.contact.speed_mps)
     printed = tell("severity", run, "--workers", "1").output
     assert "serious injury" in printed
+
+
+def test_an_older_record_says_that_contacts_are_not_recorded_and_comes_to_the_same_severity(
+    run: Path, tmp_path: Path
+):
+    """Contacts on record are those that are found by running the rollouts again."""
+    older = tmp_path / "older"
+    shutil.copytree(run, older)
+    with sqlite3.connect(older / "rollouts.sqlite") as connection:
+        connection.execute("UPDATE chunks SET contacts = NULL, checksum = ''")
+    connection.close()
+    kept, again = (
+        json.loads(tell("severity", path, "--json", "--workers", "1").stdout) for path in (run, older)
+    )
+    assert (kept.pop("from_record"), again.pop("from_record")) == (True, False)
+    del kept["run"], again["run"]
+    for told in (kept, again):
+        for hit in told["contacts"]:
+            del hit["mode"]  # of groups among those run again
+    assert kept == again
+    sides = {kind["name"] for kind in _collision(run)["contacts"]}
+    assert sides
+    assert all(name.startswith("the ego's") for name in sides)
+    assert {kind["name"] for kind in _collision(older)["contacts"]} == {"sides not recorded"}
+
+
+def _collision(run: Path) -> dict:
+    endings = tailroad.resume(run, workers=1).estimate.endings
+    return next(msgspec.to_builtins(e) for e in endings if e.outcome == "collision")
 
 
 def test_a_heavier_other_is_worse(run: Path):

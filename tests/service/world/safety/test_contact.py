@@ -9,6 +9,7 @@ import pytest
 
 from service.world import agents as A
 from service.world.safety.contact import Contact, contact_of
+from service.world.safety.contact_numbers import NUMBERS, contact_from, numbers_of
 
 EGO = (0.0, 0.0, 0.0, 20.0)
 # the other vehicle, the ego's side and part, the other's, and who ran into whom
@@ -47,6 +48,7 @@ def test_sides_and_parts_of_a_contact_and_of_its_mirror_image(agents_of, case):
         (row[3] * math.cos(row[2]) - 20.0, row[3] * math.sin(row[2])), abs=1e-12
     )
     assert found.striking == striking
+    assert contact_from(numbers_of(found)) == found
     agents[:, [A.Y_M, A.HEADING_RAD, A.SIN]] *= -1.0
     swapped = tuple(tuple(MIRRORED.get(word, word) for word in pair) for pair in (ego, other))
     mirrored = contact_of(agents, 3, 0)
@@ -70,3 +72,12 @@ def test_without_a_contact_there_is_none_and_of_several_the_fastest_is_told(agen
     found = contact_of(agents, 3, 0)
     assert found is not None
     assert (found.other, found.ego_side) == (2, "rear")
+
+
+def test_no_contact_is_a_row_of_nothing_and_a_row_that_is_none_is_refused():
+    assert contact_from(numbers_of(None)) is None
+    wrong = numbers_of(Contact(1, 2.0, -2.0, 0.0, "front", "middle", "rear", "middle", "ego"))
+    assert wrong.shape == (NUMBERS,)
+    for place, value in ((4, 9.0), (0, -1.0), (8, -1.0)):
+        with pytest.raises((ValueError, IndexError)):
+            contact_from(np.where(np.arange(NUMBERS) == place, value, wrong))
