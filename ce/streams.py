@@ -72,20 +72,34 @@ class Stream:
         """
         if not 0 <= start <= stop:
             raise OptionsError(f"rows must satisfy 0 <= start <= stop, not [{start}, {stop})")
-        proposal = self._proposal
-        x = np.empty((stop - start, proposal.dim))
+        x = np.empty((stop - start, self._proposal.dim))
         for chunk in range(start // CHUNK, -(-stop // CHUNK)):
             first = chunk * CHUNK
-            rows = slice(max(start - first, 0), min(stop - first, CHUNK))
-            into = slice(first + rows.start - start, first + rows.stop - start)
-            drawn = self._chunk(chunk)
-            if proposal.beta_columns.size:
-                x[into, proposal.beta_columns] = drawn.betas[rows]
-            for (at, block), z in zip(proposal.normals, drawn.normals, strict=True):
-                x[into, at : at + block.dim] = block.mean + (block.correlator(z[rows]) if correlated else 0.0)
-            for (at, marginal), z in zip(proposal.marginals, drawn.marginals, strict=True):
-                x[into, at] = marginal.from_standard(marginal.shift + z[rows])
+            begin, end = max(start - first, 0), min(stop - first, CHUNK)
+            into = slice(first + begin - start, first + end - start)
+            self._fill(x, into, chunk, np.arange(begin, end), correlated)
         return x, noise_seeds(*self._key, start, stop)
+
+    def rows(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """x (k, d) of rows (k,) that rise, wherever in the batch."""
+        x = np.empty((rows.size, self._proposal.dim))
+        chunk = rows // CHUNK
+        for one in np.unique(chunk).tolist():
+            first, after = np.searchsorted(chunk, [one, one + 1]).tolist()
+            self._fill(x, slice(first, after), one, rows[first:after] - one * CHUNK, True)
+        return x
+
+    def _fill(
+        self, x: NDArray[np.float64], into: slice, chunk: int, rows: NDArray[np.int64], correlated: bool
+    ) -> None:
+        """Write these rows of a chunk into these of x."""
+        proposal, drawn = self._proposal, self._chunk(chunk)
+        if proposal.beta_columns.size:
+            x[into, proposal.beta_columns] = drawn.betas[rows]
+        for (at, block), z in zip(proposal.normals, drawn.normals, strict=True):
+            x[into, at : at + block.dim] = block.mean + (block.correlator(z[rows]) if correlated else 0.0)
+        for (at, marginal), z in zip(proposal.marginals, drawn.marginals, strict=True):
+            x[into, at] = marginal.from_standard(marginal.shift + z[rows])
 
     def _chunk(self, chunk: int) -> "_Chunk":
         if self._last is not None and self._last[0] == chunk:

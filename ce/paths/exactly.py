@@ -6,6 +6,8 @@ split must not. Sums in a product of matrices are exact: both factors are rounde
 first, so that no float64 sum of their products is rounded, whatever its order.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -13,8 +15,11 @@ Array = NDArray[np.float64]
 
 # log 2 as a short and a long part: k * _LOG2_HIGH is exact for |k| < 2^20.
 _LOG2_HIGH, _LOG2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
-_EXP_TERMS = 14
-_LOG_TERMS = 12
+_OF_LOG2 = 1.44269504088896338700e00
+# 1 / n! for n from 13 down to 1.
+_EXP_SERIES = tuple(1.0 / math.factorial(n) for n in range(13, 0, -1))
+# 1 / (2 n + 1) for n from 12 down to 1.
+_LOG_SERIES = tuple(1.0 / (2 * n + 1) for n in range(12, 0, -1))
 # Exponents beyond which exp is 0 or out of range.
 _LARGEST = 708.0
 
@@ -26,13 +31,18 @@ def exp(x: ArrayLike) -> Array:
     (1.0, 0.0, True)
     """
     x = np.asarray(x, dtype=np.float64)
-    within = np.clip(x, -_LARGEST, _LARGEST)
-    k = np.rint(within / (_LOG2_HIGH + _LOG2_LOW))
-    r = (within - k * _LOG2_HIGH) - k * _LOG2_LOW
-    total = np.ones_like(r)
-    for n in range(_EXP_TERMS, 0, -1):
-        total = 1.0 + total * r / n
-    return np.where(x < -_LARGEST, 0.0, np.ldexp(total, k.astype(np.int64)))
+    r = np.atleast_1d(np.clip(x, -_LARGEST, _LARGEST))
+    k = np.rint(r * _OF_LOG2)
+    r -= k * _LOG2_HIGH
+    r -= k * _LOG2_LOW
+    total = r * _EXP_SERIES[0]
+    for coefficient in _EXP_SERIES[1:]:
+        total += coefficient
+        total *= r
+    total += 1.0
+    np.ldexp(total, k.astype(np.int32), out=total)
+    total[np.atleast_1d(x < -_LARGEST)] = 0.0
+    return np.asarray(total.reshape(x.shape))
 
 
 def log(x: ArrayLike) -> Array:
@@ -42,15 +52,23 @@ def log(x: ArrayLike) -> Array:
     (0.0, -inf, True)
     """
     x = np.asarray(x, dtype=np.float64)
-    m, e = np.frexp(x)
+    m, e = np.frexp(np.atleast_1d(x))
     low = m < 0.7071067811865476
-    m, k = np.where(low, 2.0 * m, m), np.where(low, e - 1, e).astype(np.float64)
+    k = e - low.astype(np.float64)
+    m = np.where(low, 2.0 * m, m)
     s = (m - 1.0) / (m + 1.0)
     z = s * s
-    total = np.zeros_like(z)
-    for n in range(_LOG_TERMS, -1, -1):
-        total = total * z + 1.0 / (2 * n + 1)
-    return np.where(x > 0.0, k * _LOG2_HIGH + (2.0 * s * total + k * _LOG2_LOW), -np.inf)
+    total = z * _LOG_SERIES[0]
+    for coefficient in _LOG_SERIES[1:]:
+        total += coefficient
+        total *= z
+    total += 1.0
+    total *= s
+    total *= 2.0
+    total += k * _LOG2_LOW
+    total += k * _LOG2_HIGH
+    total[~(np.atleast_1d(x) > 0.0)] = -np.inf
+    return np.asarray(total.reshape(x.shape))
 
 
 def log_sum_exp(x: Array, axis: int) -> Array:
@@ -58,16 +76,28 @@ def log_sum_exp(x: Array, axis: int) -> Array:
     terms = np.moveaxis(np.asarray(x, dtype=np.float64), axis, 0)
     top = terms.max(axis=0)
     base = np.where(np.isfinite(top), top, 0.0)
-    total = np.zeros_like(base)
-    for term in terms:
-        total = total + exp(term - base)
-    return base + log(total)
+    return np.asarray(base + log(added(exp(terms - base))))
 
 
-def rounded(x: Array, bits: int) -> Array:
-    """x to the nearest multiple of 2^-bits."""
-    unit = 2.0**bits
-    return np.rint(x * unit) / unit
+def added(terms: Array) -> Array:
+    """Sum over the first axis, in its order."""
+    total: Array = terms[0].copy()
+    for term in terms[1:]:
+        total += term
+    return total
+
+
+def rounded(x: Array, bits: int, out: Array | None = None) -> Array:
+    """x, below 2^(51 - bits) in size, to the nearest multiple of 2^-bits; `out` may be x itself.
+
+    >>> import numpy as np
+    >>> rounded(np.array([0.3, -0.3]), 2)
+    array([ 0.25, -0.25])
+    """
+    shift = 1.5 * 2.0 ** (52 - bits)  # what is added has no bits below 2^-bits, so that the sum loses them
+    out = np.add(x, shift, out=out)
+    out -= shift
+    return out
 
 
 def product(a: Array, b: Array) -> Array:
@@ -77,9 +107,10 @@ def product(a: Array, b: Array) -> Array:
     fixed number of bits, then @, is for where they have to be.
     """
     bits = (52 - int(np.ceil(np.log2(max(a.shape[1], 2))))) // 2
-    return _scaled(a, bits) @ _scaled(b, bits)
+    return scaled(a, bits) @ scaled(b, bits)
 
 
-def _scaled(x: Array, bits: int) -> Array:
+def scaled(x: Array, bits: int) -> Array:
+    """x to the nearest multiple of 2^(e - bits), 2^e above its largest entry."""
     _, e = np.frexp(np.max(np.abs(x), initial=0.0))
     return rounded(x, bits - int(e))

@@ -28,7 +28,7 @@ LEAST, MOST = -25.0, 1.0
 FEATURE_BITS, ACTIVATION_BITS, WEIGHT_BITS = 16, 20, 18
 LARGEST_WEIGHT = 32.0
 # Rows that are looked at at a time.
-ROWS = 20_000
+ROWS = 200
 
 
 class Net(msgspec.Struct, frozen=True, eq=False):
@@ -86,8 +86,11 @@ class NetworkCommittor(msgspec.Struct, frozen=True, eq=False):
                 f"the committor was trained on {self.center.size} features, the process gives "
                 f"{features.shape[-1]}; train another one"
             )
-        z = (features.astype(np.float64) - self.center) / self.scale
-        return exactly.rounded(np.clip(z, -LARGEST_FEATURE, LARGEST_FEATURE), FEATURE_BITS)
+        z = features.astype(np.float64)
+        z -= self.center
+        z /= self.scale
+        np.clip(z, -LARGEST_FEATURE, LARGEST_FEATURE, out=z)
+        return exactly.rounded(z, FEATURE_BITS, out=z)
 
     def encoded(self, levels: Array) -> Array:
         """Levels as the networks have them."""
@@ -103,13 +106,15 @@ class NetworkCommittor(msgspec.Struct, frozen=True, eq=False):
         for at in range(0, features.shape[0], ROWS):
             x = self.standardised(features[at : at + ROWS])
             n, m, width = x.shape
-            total = np.zeros((n, levels.size))
+            flat, total = x.reshape(n * m, width), np.zeros((levels.size, n))
+            z = np.empty((levels.size, n * m))
             for net in nets:
-                first = x.reshape(n * m, width) @ net.w1[:-1]
+                first = flat @ net.w1[:-1]
                 for j, level in enumerate(levels):
-                    z = _output(net, first + (net.b1 + level * net.w1[-1])).reshape(n, m)
-                    total[:, j] += exactly.log_sum_exp(z, axis=1)
-            out[at : at + n] = total / len(nets)
+                    z[j] = _output(net, first + (net.b1 + level * net.w1[-1]))
+                each = exactly.exp(z).reshape(levels.size, n, m)
+                total += exactly.log(exactly.added(np.moveaxis(each, 2, 0)))
+            out[at : at + n] = total.T / len(nets)
         return out
 
     @property
@@ -151,22 +156,32 @@ def _array(kind: type, value: dict[str, object]) -> Array:
     return np.frombuffer(data, dtype="<f8").reshape([int(k) for k in shape]).astype(np.float64)
 
 
-def activation(x: Array) -> Array:
-    """x (27 + x^2) / (27 + 9 x^2), +-1 beyond +-3."""
-    x = np.clip(x, -3.0, 3.0)
-    square = x * x
-    return x * (27.0 + square) / (27.0 + 9.0 * square)
+def activation(x: Array, out: Array | None = None) -> Array:
+    """x (27 + x^2) / (27 + 9 x^2), +-1 beyond +-3; `out` may be x itself."""
+    out = np.clip(x, -3.0, 3.0, out=out)
+    square = out * out
+    out *= square + 27.0
+    square *= 9.0
+    square += 27.0
+    out /= square
+    return out
 
 
 def slope(x: Array) -> Array:
     """Derivative of `activation`: ((9 - x^2) / (9 + 3 x^2))^2, 0 beyond +-3."""
-    square = np.minimum(x * x, 9.0)
-    root = (9.0 - square) / (9.0 + 3.0 * square)
-    return root * root
+    square = x * x
+    np.minimum(square, 9.0, out=square)
+    root = 9.0 - square
+    square *= 3.0
+    square += 9.0
+    root /= square
+    root *= root
+    return root
 
 
 def _output(net: Net, before: Array) -> Array:
-    """z (rows,) from what goes into the first activation (rows, h)."""
-    hidden = exactly.rounded(activation(before), ACTIVATION_BITS)
-    hidden = exactly.rounded(activation(hidden @ net.w2 + net.b2), ACTIVATION_BITS)
+    """z (rows,) from what goes into the first activation (rows, h), which is written over."""
+    hidden = exactly.rounded(activation(before, out=before), ACTIVATION_BITS, out=before) @ net.w2
+    hidden += net.b2
+    hidden = exactly.rounded(activation(hidden, out=hidden), ACTIVATION_BITS, out=hidden)
     return np.clip((hidden @ net.w3 + net.b3)[:, 0], LEAST, MOST)

@@ -83,10 +83,7 @@ def _kept_of(
     features = features_of_starts(process, x, seeds)
     chance, floored = plan.kept(plan.log_importance(committor, features))
     rows = np.flatnonzero(keys.start_uniform(seeds) < chance)
-    whole = x[rows]
-    if lean:
-        for i, row in enumerate(rows.tolist()):
-            whole[i] = stream.draw(start + row, start + row + 1)[0][0]
+    whole = stream.rows(start + rows) if lean else x[rows]
     if lean or getattr(process, "start_features", None) is not None:
         own = process.features(process.begin(whole, seeds[rows]))
         if not np.array_equal(own, features[rows]):

@@ -7,7 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ce.paths import exactly, keys
-from ce.paths.network import LEAST, MOST, Net, NetworkCommittor, activation, slope
+from ce.paths.network import (
+    ACTIVATION_BITS,
+    FEATURE_BITS,
+    LARGEST_FEATURE,
+    LARGEST_WEIGHT,
+    LEAST,
+    MOST,
+    WEIGHT_BITS,
+    Net,
+    NetworkCommittor,
+    activation,
+    slope,
+)
 from ce.paths.tree import Recorded
 
 Array = NDArray[np.float64]
@@ -15,6 +27,7 @@ Array = NDArray[np.float64]
 HIDDEN, NETS = 24, 2
 # Labels are cut there; so is what one row may add to a gradient.
 LARGEST_LABEL, LARGEST_GRADIENT = 2.0, 0.2
+LARGEST_FEATURE_BITS = int(np.log2(LARGEST_FEATURE))
 BATCH = 256
 DECAY = 1e-3
 # Rows without a hit that a round leaves to learn from, and levels that each row is labelled at.
@@ -178,29 +191,42 @@ def _falling(share: float) -> float:
 
 
 def _gradient(arrays: list[Array], x: Array, levels: Array, labels: Array, weights: Array) -> list[Array]:
-    """Of the mean of weight (hazard - label log hazard) over rows with standardised features x (n, m, F)."""
-    w1, b1, w2, b2, w3, b3 = arrays
+    """Of the mean of weight (hazard - label log hazard) over rows with standardised features x (n, m, F).
+
+    Features, activations and weights are rounded as `NetworkCommittor.log_hazard` rounds them; what is carried back
+    is rounded to as many bits as leave the sums over all rows exact.
+    """
+    w1, w2, w3 = (
+        exactly.rounded(np.clip(w, -LARGEST_WEIGHT, LARGEST_WEIGHT), WEIGHT_BITS) for w in arrays[::2]
+    )
+    b1, b2, b3 = arrays[1::2]
     n, m, width = x.shape
     flat = np.empty((n * m, width + 1))
     flat[:, :-1] = x.reshape(n * m, width)
     flat[:, -1] = np.repeat(levels, m)
-    before1 = exactly.product(flat, w1) + b1
-    hidden1 = activation(before1)
-    before2 = exactly.product(hidden1, w2) + b2
-    hidden2 = activation(before2)
-    each = exactly.exp(np.clip((exactly.product(hidden2, w3) + b3)[:, 0], LEAST, MOST)).reshape(n, m)
-    hazard = np.zeros(n)
-    for j in range(m):
-        hazard = hazard + each[:, j]
+    bits = 52 - int(np.ceil(np.log2(n * m)))
+    hidden1, slope1 = _layer(flat @ w1, b1)
+    hidden2, slope2 = _layer(hidden1 @ w2, b2)
+    each = exactly.exp(np.clip((hidden2 @ w3)[:, 0] + b3, LEAST, MOST)).reshape(n, m)
+    hazard = exactly.added(each.T)
     out = (weights * (1.0 - labels / np.maximum(hazard, 1e-7)) / n)[:, None] * each
-    out = np.clip(out, -LARGEST_GRADIENT, LARGEST_GRADIENT).reshape(-1, 1)
-    back2 = out * w3[:, 0] * slope(before2)
-    back1 = exactly.product(back2, w2.T) * slope(before1)
+    out = exactly.scaled(
+        np.clip(out, -LARGEST_GRADIENT, LARGEST_GRADIENT).reshape(-1, 1), bits - ACTIVATION_BITS
+    )
+    back2 = exactly.scaled(out * w3[:, 0] * slope2, bits - ACTIVATION_BITS)
+    back1 = exactly.scaled(back2 @ w2.T * slope1, bits - FEATURE_BITS - LARGEST_FEATURE_BITS)
     return [
-        exactly.product(flat.T, back1),
+        flat.T @ back1,
         np.add.reduce(back1, axis=0),
-        exactly.product(hidden1.T, back2),
+        hidden1.T @ back2,
         np.add.reduce(back2, axis=0),
-        exactly.product(hidden2.T, out),
+        hidden2.T @ out,
         np.add.reduce(out, axis=0),
     ]
+
+
+def _layer(before: Array, bias: Array) -> tuple[Array, Array]:
+    """Activations of a layer, rounded, and their slopes; `before` is written over."""
+    before += bias
+    steep = slope(before)
+    return exactly.rounded(activation(before, out=before), ACTIVATION_BITS, out=before), steep

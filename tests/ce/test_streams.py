@@ -23,7 +23,9 @@ def test_a_stream_gives_the_rows_of_draw_in_whatever_order_they_are_asked_for():
     base = ce.Product([*BASE.blocks, ce.Uniform(0.0, 1.0)])
     x, noise = ce.draw(base, 7, "train", 3, 0, 2 * CHUNK)
     stream = ce.Stream(base, 7, "train", 3)
-    for start, stop in ((5, 9), (9, 20), (990, 1010), (1500, 1501), (3, 4), (0, 2 * CHUNK)):
+    chosen = np.array([3, 999, 1000, 1500])
+    np.testing.assert_array_equal(stream.rows(chosen), x[chosen])
+    for start, stop in ((5, 9), (9, 20), (990, 1010), (1500, 1501), (3, 4), (5, 5), (0, 2 * CHUNK)):
         part, part_noise = stream.draw(start, stop)
         np.testing.assert_array_equal(part, x[start:stop])
         np.testing.assert_array_equal(part_noise, noise[start:stop])
