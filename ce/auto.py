@@ -24,9 +24,8 @@ from typing import Any
 import msgspec
 from numpy.typing import ArrayLike
 
-from ce.checks import at_least, budget_is_an_integer, precision_in_range
 from ce.codec import to_bytes
-from ce.errors import BudgetError, StateError
+from ce.errors import StateError
 from ce.estimate_warnings import FEW_EVENTS, EstimateWarning
 from ce.estimator import Estimator
 from ce.log_efficiency import stalled, well_ahead
@@ -57,7 +56,7 @@ _UNRELIABLE = frozenset({"no-events", "dominant-weight", "heavy-tailed-weights"}
 
 
 @dataclass(frozen=True)
-class AutoOptions:
+class AutoOptions(NaiveOptions):
     """Options of method auto.
 
     budget: rollouts at most
@@ -65,18 +64,6 @@ class AutoOptions:
     confidence: of the interval, in (0, 1)
     batch_size: estimation rollouts in a batch
     """
-
-    budget: int = 100_000
-    rel_error: float | None = None
-    confidence: float = 0.95
-    batch_size: int = 5000
-
-    def __post_init__(self) -> None:
-        budget_is_an_integer(self.budget)
-        if self.budget < 1:
-            raise BudgetError(f"budget must be at least 1 rollout, not {self.budget}")
-        at_least("batch_size", self.batch_size, 1)
-        precision_in_range(self.rel_error, self.confidence)
 
     def held_rows(self, dim: int) -> int:
         """Rows of `dim` numbers that a state and its open batch hold together at most."""

@@ -43,7 +43,10 @@ class Estimator(Generic[S]):
         object.__setattr__(self, "gamma", gamma)
 
     def init(self, seed: int = 0) -> S:
-        """The state before any rollout; seed: 0 <= seed < 2^64, of all its streams."""
+        """The state before any rollout.
+
+        seed: 0 <= seed < 2^64, of all its streams
+        """
         return self._initial(checked_seed(seed))
 
     def _initial(self, seed: int) -> S:

@@ -59,8 +59,7 @@ def forward(
             used[count] = i
             count += 1
     hidden_1 = np.empty(HIDDEN_1, np.float32)
-    for j in range(HIDDEN_1):
-        hidden_1[j] = b1[j]
+    hidden_1[:] = b1
     _add_products(inputs, used, count, w1, hidden_1)
     count = 0
     for j in range(HIDDEN_1):
@@ -68,8 +67,7 @@ def forward(
             used[count] = j
             count += 1
     hidden_2 = np.empty(HIDDEN_2, np.float32)
-    for j in range(HIDDEN_2):
-        hidden_2[j] = b2[j]
+    hidden_2[:] = b2
     _add_products(hidden_1, used, count, w2, hidden_2)
     for o in range(OUTPUTS):
         outputs[o] = head[HIDDEN_2 * OUTPUTS + o]

@@ -47,8 +47,12 @@ class LateralSample:
 
 @dataclass(frozen=True)
 class LateralFit:
-    """The values of KEYS with their 95% intervals; high: largest |y| looked at; ks: of y; rows and vehicles behind it;
-    bands: (what, from, to, rows, recorded, fitted standard deviation of u)."""
+    """The values of KEYS with their 95% intervals.
+
+    high: largest |y| looked at
+    ks: of y; rows and vehicles behind it
+    bands: (what, from, to, rows, recorded, fitted standard deviation of u)
+    """
 
     values: dict[str, float]
     intervals: dict[str, tuple[float, float]]

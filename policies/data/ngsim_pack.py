@@ -134,14 +134,10 @@ def _durraniu(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
 def _jiang(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
     both = [
         t.select(
-            pl.lit("jiang").alias("source"),
-            ("i80-0515-pair-" + pl.col("pair").cast(pl.String)).alias("recording"),
-            pl.lit(number).alias("vehicle_id"),
-            pl.col("k").alias("frame"),
+            *_of_a_pair("jiang", "i80-0515-pair-" + pl.col("pair").cast(pl.String), number),
             (pl.col(f"{who}_pos_ft") * FT).alias("x_front_m"),
             (pl.col(f"{who}_v_ftps") * FT).alias("speed_mps"),
             (pl.col(f"{who}_a_ftps2") * FT).alias("accel_mps2"),
-            *_partner_of(number),
         )
         for number, who in ((1, "lead"), (2, "foll"))
     ]
@@ -151,13 +147,9 @@ def _jiang(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
 def _zhu(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
     both = [
         t.select(
-            pl.lit("zhu").alias("source"),
-            ("i80-event-" + pl.col("event").cast(pl.String)).alias("recording"),
-            pl.lit(number).alias("vehicle_id"),
-            pl.col("k").alias("frame"),
+            *_of_a_pair("zhu", "i80-event-" + pl.col("event").cast(pl.String), number),
             pl.col(speed).alias("speed_mps"),
             (pl.col("spacing_m") if number == 2 else pl.lit(None, dtype=pl.Float64)).alias("gap_m"),
-            *_partner_of(number),
         )
         for number, speed in ((1, "lead_v_mps"), (2, "foll_v_mps"))
     ]
@@ -252,9 +244,13 @@ def _by_recording(t: pl.DataFrame, *, complete: bool = False) -> Iterator[pl.Dat
         yield finish(recording, complete=complete)
 
 
-def _partner_of(number: int) -> tuple[pl.Expr, pl.Expr]:
-    """Of a pair's vehicle 1, which leads, and 2, which follows: the other one's number."""
+def _of_a_pair(source: str, recording: pl.Expr, number: int) -> tuple[pl.Expr, ...]:
+    """What a pair's vehicle 1, which leads, and 2, which follows, have in every source; the other one's number."""
     return (
+        pl.lit(source).alias("source"),
+        recording.alias("recording"),
+        pl.lit(number).alias("vehicle_id"),
+        pl.col("k").alias("frame"),
         pl.lit(1 if number == 2 else None, dtype=pl.Int64).alias("preceding_id"),
         pl.lit(2 if number == 1 else None, dtype=pl.Int64).alias("following_id"),
     )

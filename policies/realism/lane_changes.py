@@ -24,11 +24,17 @@ WATCHED_S = 5.0  # after the crossing, for the smallest gaps
 class LaneChanges(Columns):
     """n lane changes, one row each; NaN where there is no such neighbour.
 
-    scene (n,) number, vehicle (n,) column, frame (n,) row of the crossing; lane_from, lane_to (0 = leftmost);
-    speed_mps; duration_s; lateral_speed_mps: the largest; lead_*, lag_*: the vehicle ahead and behind in the new lane
-    at the crossing: bumper gap (m, negative if side by side), speed difference (m/s, positive when closing), time
-    headway (gap / speed of the one behind, s), time to collision (s, inf when not closing); lag_min_*: the smallest in
-    WATCHED_S after the crossing while both stay in the lane.
+    scene: (n,), number of the scene
+    vehicle: (n,), column
+    frame: (n,), row of the crossing
+    lane_from, lane_to: (n,), 0 = leftmost
+    speed_mps: (n,), at the crossing
+    duration_s: (n,)
+    lateral_speed_mps: (n,), the largest
+    lead_*, lag_*: (n,), of the vehicle ahead and behind in the new lane at the crossing: bumper gap (m, negative if
+        side by side), speed difference (m/s, positive when closing), time headway (gap / speed of the one behind, s),
+        time to collision (s, inf when not closing)
+    lag_min_*: (n,), the smallest in WATCHED_S after the crossing while both stay in the lane
     """
 
     scene: np.ndarray

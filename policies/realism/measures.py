@@ -99,7 +99,10 @@ def touching(scene: Scene, who: np.ndarray) -> np.ndarray:
 
 
 def counts(scene: Scene, who: np.ndarray, accel: np.ndarray) -> list[Counts]:
-    """Counts of columns `who`; accel: (T, n) as applied."""
+    """Counts of columns `who`.
+
+    accel: (T, n) as applied
+    """
     contact = touching(scene, who)
     half = 0.5 * len(scene.road.lane_left) * scene.road.lane_width_m
     rows = []

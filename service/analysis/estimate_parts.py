@@ -12,7 +12,10 @@ class EstimateWarning(msgspec.Struct, frozen=True):
 
 
 class Rollouts(msgspec.Struct, frozen=True):
-    """How many there were. total: training and estimation, the failed ones among them."""
+    """How many there were.
+
+    total: training and estimation, the failed ones among them
+    """
 
     total: int
     training: int

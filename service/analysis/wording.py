@@ -25,7 +25,10 @@ def significant(value: float | None, digits: int = 3) -> str:
 
 
 def quantity(value: float, unit: str) -> str:
-    """A value as it was given, with its unit where it has one; unit: as a measure's kind has it."""
+    """A value as it was given, with its unit where it has one.
+
+    unit: as a measure's kind has it
+    """
     return f"{value:g} {unit_at(unit, value)}".rstrip()
 
 

@@ -13,7 +13,11 @@ SHOWN = 100  # characters of a value
 
 
 class Difference(msgspec.Struct, frozen=True):
-    """A field that has another value. path: as in scenario.time.step_s; then, now: the values as JSON, shortened."""
+    """A field that has another value.
+
+    path: as in scenario.time.step_s
+    then, now: the values as JSON, shortened
+    """
 
     path: str
     then: str

@@ -75,8 +75,10 @@ def _counted(
 
 
 def estimate_of(estimate: ce.Estimate, codes: np.ndarray, code: int) -> ce.Estimate:
-    """The estimate of the event that a rollout has this code, from the same rollouts and weights; codes: (n,), as of
-    `outcomes_of`."""
+    """The estimate of the event that a rollout has this code, from the same rollouts and weights.
+
+    codes: (n,), as of `outcomes_of`
+    """
     # f of a failed rollout stays unknown, which the upper end of the interval counts
     values = np.where(codes == code, -1.0, np.where(np.isnan(estimate.f), math.nan, 1.0))
     other = replace(estimate, f=values, gamma=0.0, base_f=np.zeros(0), search_warnings=())

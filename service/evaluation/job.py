@@ -157,7 +157,10 @@ class Problem:
         return HighwayPaths(self.job.scenario, self.corridor, self.drivers, self.job.ego)
 
     def path_algorithm(self, committor: NetworkCommittor | None) -> PathSampling:
-        """The algorithm of a job of paths; committor: that it was given."""
+        """The algorithm of a job of paths.
+
+        committor: that it was given
+        """
         job = self.job
         return PathSampling(self.paths, job.gamma, options_of(job.method, job.options), committor)
 

@@ -7,7 +7,10 @@ record: the state when the pilot was over, then each batch of the estimate.
 from collections.abc import Callable
 from typing import Any
 
+import msgspec
+
 import ce
+from ce.naive import record_of
 from ce.paths import PathBatch, PathEstimate, PathSampling, PathTotals
 from service.errors import StoreError
 from service.evaluation.job import Job, Problem
@@ -165,19 +168,7 @@ def training_record(totals: PathTotals, reached: float, iteration: int) -> ce.Tr
 def estimation_record(algorithm: PathSampling, state: Any, totals: PathTotals) -> ce.EstimationRecord:
     """The estimate so far."""
     estimate = algorithm.estimate(state)
-    low, high = estimate.ci
-    return ce.EstimationRecord(
-        iteration=totals.iteration,
-        rollouts=estimate.estimation_rollouts,
-        p=estimate.p,
-        std_error=estimate.std_error,
-        low=low,
-        high=high,
-        ess=estimate.ess,
-        max_weight_share=estimate.max_weight_share,
-        events=estimate.events,
-        failed=estimate.failed,
-    )
+    return msgspec.structs.replace(record_of(estimate), iteration=totals.iteration, failed=estimate.failed)
 
 
 def evaluate_paths(

@@ -37,7 +37,10 @@ class PathsRead:
 
 
 def read_paths(store: PathSource, problem: Problem, gamma: float) -> PathsRead:
-    """Read a job's record; gamma: threshold of the event, the job's or another."""
+    """Read a job's record.
+
+    gamma: threshold of the event, the job's or another
+    """
     algorithm = algorithm_of(problem, store.artefacts)
     records: list[ce.TrainingRecord | ce.EstimationRecord] = []
     events: dict[tuple[str, int, int], tuple[np.ndarray, Noise, float]] = {}

@@ -29,7 +29,11 @@ EVENTS = 1  # of a part, that are all driven again in SUMO
 
 @dataclass(frozen=True)
 class PathWork:
-    """Roots [start, start + n) of a batch. segments: of a whole path; gamma: threshold of the event."""
+    """Roots [start, start + n) of a batch.
+
+    segments: of a whole path
+    gamma: threshold of the event
+    """
 
     start: int
     roots: ce.paths.Roots
@@ -43,7 +47,11 @@ class PathWork:
 
 @dataclass(frozen=True)
 class PathAnswer:
-    """What they came to. worker_s: seconds of a worker that it took; in_sumo: paths that SUMO has driven too."""
+    """What they came to.
+
+    worker_s: seconds of a worker that it took
+    in_sumo: paths that SUMO has driven too
+    """
 
     driven: ce.paths.Driven
     worker_s: float

@@ -88,9 +88,13 @@ def train_adversarially(
 ) -> list[dict]:
     """Train `net` in place; returns the learning curve, one record an update.
 
-    The training runs on the device that `net` lies on, which has to be that of `sites`. recorded: what the
-    discriminator takes for real; anchor: rows of the likelihood. With a checkpoint's path an
-    interrupted training goes on after its last checkpoint (one every `checkpoint_every` updates) to the same weights.
+    The training runs on the device that `net` lies on, which has to be that of `sites`.
+
+    recorded: what the discriminator takes for real
+    anchor: rows of the likelihood
+
+    With a checkpoint's path an interrupted training goes on after its last checkpoint (one every `checkpoint_every`
+    updates) to the same weights.
     """
     device = net.mean.device
     discriminator = Discriminator(net.mean.cpu(), net.scale.cpu()).to(device)

@@ -42,6 +42,13 @@ def winding_road(rng: np.random.Generator, length_m: float = 1500.0) -> Road:
     return scene_road(straight_lanes("winding", length_m, 6, 3.66, (x, y, heading, curvature)))
 
 
+def _perhaps_moved(head: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """The head, in half of the cases moved a little."""
+    if rng.random() < 0.5:
+        return head + rng.normal(0.0, HEAD_NOISE_SD, head.shape).astype(np.float32)
+    return head
+
+
 def visited(
     network: Network,
     road: Road,
@@ -57,10 +64,7 @@ def visited(
     for number in range(rollouts):
         wide = rng.random() < WIDE_SHARE
         here = winding_road(rng) if rng.random() < SYNTHETIC_SHARE else road
-        head = network.head
-        if rng.random() < 0.5:
-            head = head + rng.normal(0.0, HEAD_NOISE_SD, head.shape).astype(np.float32)
-        drivers = network._replace(head=head.astype(np.float32))
+        drivers = network._replace(head=_perhaps_moved(network.head, rng).astype(np.float32))
         noise = rng.standard_normal((steps, 6, 2))
         seen, trace, _ = rollout(standard_starts(rng, here, wide=wide), here, steps, drivers, noise)
         state = trace[: len(seen)]
@@ -89,9 +93,7 @@ def visited_among(
     parts, numbers = [], []
     steps = round(seconds / DT_S)
     for number in range(rollouts):
-        head = ego.head
-        if rng.random() < 0.5:
-            head = head + rng.normal(0.0, HEAD_NOISE_SD, head.shape).astype(np.float32)
+        head = _perhaps_moved(ego.head, rng)
         agents = standard_starts(rng, road, wide=rng.random() < WIDE_SHARE)
         noise = rng.standard_normal((steps, 6, 2))
         moved = ego._replace(head=head)

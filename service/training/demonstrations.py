@@ -33,8 +33,14 @@ SPEED_FLOOR_MPS = 4.0
 
 @dataclass(frozen=True)
 class Rows(Columns):
-    """n rows. seen: (n, 51) float32; action: (n, 2) m/s^2, rad/s; kind: (n,); trajectory: (n,) unique number of
-    the driver's track (for resampling whole trajectories); held_out: (n,) bool."""
+    """n rows.
+
+    seen: (n, 51) float32
+    action: (n, 2) m/s^2, rad/s
+    kind: (n,)
+    trajectory: (n,) unique number of the driver's track (for resampling whole trajectories)
+    held_out: (n,) bool
+    """
 
     seen: np.ndarray
     action: np.ndarray

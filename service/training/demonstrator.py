@@ -116,7 +116,10 @@ def is_attentive(name: str) -> bool:
 
 
 def demonstrated(expert: Expert, seen: np.ndarray, avoidance: np.ndarray) -> np.ndarray:
-    """Actions (n, 2) in m/s^2 and rad/s of the demonstrator at observations (n, 51); avoidance (n, 2): see `avoid`."""
+    """Actions (n, 2) in m/s^2 and rad/s of the demonstrator at observations (n, 51).
+
+    avoidance (n, 2): see `avoid`
+    """
     action = mean_action(expert, seen)
     action[:, 0] = np.minimum(action[:, 0], avoidance[:, 0])
     speed = np.maximum(seen[:, O.SPEED_MPS].astype(np.float64), STEERING_SPEED_FLOOR_MPS)

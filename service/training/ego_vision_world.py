@@ -66,19 +66,20 @@ class VisionWorld:
     """The road, the drivers and the camera of the built-in scenarios."""
 
     def __init__(self, drivers: str, scenarios: tuple[str, str] = SCENARIOS, attentive: bool = True):
-        """Open the drives of these scenarios, the second one with weather; attentive: whether conflicts are avoided."""
+        """Open the drives of these scenarios, the second one with weather.
+
+        attentive: whether conflicts are avoided
+        """
         self.names, self.attentive = scenarios, attentive
         self.scenarios: dict[str, Scenario] = {name: load_scenario(name) for name in scenarios}
         scenario = self.scenarios[scenarios[0]]
         self.corridor = check_road(scenario, scenario.name)
         self.model = load_drivers(drivers)
         self.base = {name: base_distribution(s, self.model) for name, s in self.scenarios.items()}
-        model = self.model
-        network = DriverNetwork(model.w1, model.b1, model.w2, model.b2, model.action_scale)
         self.ego = scenario.ego
         self.world = World(
             road_of(self.corridor),
-            network,
+            DriverNetwork.of(self.model),
             VEHICLES,
             self.ego,
             scenario.time.step_s,

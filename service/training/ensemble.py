@@ -77,7 +77,10 @@ def sampling_covariances(
 
 @dataclass(frozen=True)
 class HeadDistribution:
-    """N(mean (404,), covariance (404, 404)); shrinkage: the share of the target in the covariance."""
+    """N(mean (404,), covariance (404, 404)).
+
+    shrinkage: the share of the target in the covariance
+    """
 
     mean: np.ndarray
     covariance: np.ndarray

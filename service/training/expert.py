@@ -121,9 +121,9 @@ def _interaction(expert: Expert, v: np.ndarray, gap: np.ndarray, closing: np.nda
 class Evidence:
     """What the expert is fitted to, by driver, so that drivers can be resampled.
 
-    following: (events, steps, 3) gap, own speed, leader's speed, NaN after the end; free: (n, 2) speed and
-    acceleration, with free_track (n,); lateral: (drivers and lanes, 3) rows, mean square offset about the driver's
-    mean, mean square lateral speed.
+    following: (events, steps, 3) gap, own speed, leader's speed, NaN after the end
+    free: (n, 2) speed and acceleration, with free_track (n,)
+    lateral: (drivers and lanes, 3) rows, mean square offset about the driver's mean, mean square lateral speed
     """
 
     following: np.ndarray
@@ -133,7 +133,10 @@ class Evidence:
 
 
 def evidence(following: np.ndarray, scenes: list[Scene], train: list[np.ndarray]) -> Evidence:
-    """Collect the evidence from car-following events and scenes; train: (N,) bool for each scene's vehicles."""
+    """Collect the evidence from car-following events and scenes.
+
+    train: (N,) bool for each scene's vehicles
+    """
     free, track, lateral = [], [], []
     for number, (scene, keep) in enumerate(zip(scenes, train, strict=True)):
         spacing, lanes = scene.road.lane_width_m, len(scene.road.lane_left)

@@ -31,7 +31,10 @@ class Spread:
 
 
 def spreads(members: np.ndarray, shapes: list[np.ndarray]) -> dict[str, Spread]:
-    """The three estimates for members (m, 404); shapes: 4 blocks (101, 101) of `sampling_covariances`."""
+    """The three estimates for members (m, 404).
+
+    shapes: 4 blocks (101, 101) of `sampling_covariances`
+    """
     sd = members.std(axis=0, ddof=1)
     floor = np.sqrt(np.diag(sd**2 + FLOOR_SD**2))
     root = np.linalg.cholesky(expected_covariance(members, shapes))

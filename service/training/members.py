@@ -18,8 +18,10 @@ from service.training.world import Network
 class Members:
     """What resampling gives.
 
-    experts: their parameters, one dict a member; heads: (members, 404); shapes: of the heads' covariance, 4 blocks of
-    (101, 101); common: (404,) the head of all trajectories, not resampled.
+    experts: their parameters, one dict a member
+    heads: (members, 404)
+    shapes: of the heads' covariance, 4 blocks of (101, 101)
+    common: (404,) the head of all trajectories, not resampled
     """
 
     experts: list[dict[str, float]]

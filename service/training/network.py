@@ -24,7 +24,11 @@ class DriverNet(nn.Module):
     scale: Tensor
 
     def __init__(self, mean: np.ndarray, spread: np.ndarray, unused: tuple[int, ...] = (NEVER_SET,)):
-        """mean, spread (51,): of the inputs; unused: inputs that the network does not see."""
+        """Begin with random weights.
+
+        mean, spread: (51,), of the inputs
+        unused: inputs that the network does not see
+        """
         super().__init__()
         self.register_buffer("mean", torch.as_tensor(mean, dtype=torch.float32))
         self.register_buffer("scale", torch.as_tensor(1.0 / spread, dtype=torch.float32))

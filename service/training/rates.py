@@ -46,7 +46,10 @@ class Touch(msgspec.Struct, frozen=True):
 
 
 class Chunk(msgspec.Struct, frozen=True):
-    """What CHUNK rollouts came to; key: what two runs must have in common for their chunks to be added up."""
+    """What CHUNK rollouts came to.
+
+    key: what two runs must have in common for their chunks to be added up
+    """
 
     key: str
     number: int

@@ -96,8 +96,9 @@ class Stages:
 class Run(Generic[A]):
     """A training under way.
 
-    what: the WHAT of `tailroad train WHAT`; entropy: what everything random is seeded from; began_s: by the clock
-    `time.time`.
+    what: the WHAT of `tailroad train WHAT`
+    entropy: what everything random is seeded from
+    began_s: by the clock `time.time`
     """
 
     what: str
@@ -212,8 +213,9 @@ def versions() -> dict[str, str]:
 class People:
     """Recorded drivers as the networks and experts learn from them.
 
-    rows: everything recorded; perturbed: the training vehicles moved off their motion (see demonstrations); evidence:
-    what an expert is fitted to.
+    rows: everything recorded
+    perturbed: the training vehicles moved off their motion (see demonstrations)
+    evidence: what an expert is fitted to
     """
 
     recordings: Recordings
@@ -230,7 +232,10 @@ class People:
         return self.rows.where(self.rows.held_out)
 
     def card(self, shares: tuple[float, float], aggregated: Rows) -> dict[str, Any]:
-        """What weights learned from; shares: of recorded and of perturbed rows in a batch."""
+        """What weights learned from.
+
+        shares: of recorded and of perturbed rows in a batch
+        """
         held = self.rows.held_out
         scenes = self.recordings.scenes
         return {

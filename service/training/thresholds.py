@@ -36,10 +36,9 @@ from service.world.scenario.load import digest
 from service.world.scenario.measures import measure_kind
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
-from service.world.sim.human import traits_of
 from service.world.sim.road import road_of
 from service.world.sim.rollout import Draw
-from service.world.sim.world import DriverNetwork, World
+from service.world.sim.world import World
 
 PROBABILITIES = (1e-2, 1e-3, 1e-4, 1e-5)
 DEEP = 0.75  # splitting's threshold, as a share of the one at p = 2e-4; below 0 the other way round
@@ -50,17 +49,7 @@ class Rollouts:
 
     def __init__(self, scenario: Scenario, drivers: DriverModel, ego: EgoPolicy):
         self._scenario, self._ego = scenario, ego
-        network = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
-        road = road_of(check_road(scenario, scenario.name))
-        self._world = World(
-            road,
-            network,
-            len(scenario.vehicles),
-            scenario.ego,
-            scenario.time.step_s,
-            rays=scenario.safety.rays,
-            traits=traits_of(scenario),
-        )
+        self._world = World.of(scenario, road_of(check_road(scenario, scenario.name)), drivers)
         self._draw = Draw(scenario)
         self._monitor = open_monitor(scenario, len(scenario.vehicles))
 

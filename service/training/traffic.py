@@ -22,10 +22,9 @@ from service.world.scenario import load_scenario
 from service.world.scenario.base import base_distribution
 from service.world.scenario.check import check_road
 from service.world.sim import step
-from service.world.sim.human import traits_of
 from service.world.sim.road import road_of
 from service.world.sim.rollout import Draw
-from service.world.sim.world import DriverNetwork, World
+from service.world.sim.world import World
 
 Policy = Callable[[np.ndarray], tuple[float, float]]  # observation (51,) -> m/s^2 and rad/s
 
@@ -39,9 +38,11 @@ EVERY = 2  # steps between the moments kept
 class Drive:
     """One rollout of the ego.
 
-    status: how it ended (service.world.sim.step); km: driven; seen: (n, 51) what the ego perceived at the moments
-    kept; avoidance: (n, 2) what the demonstrator's conflict avoidance asked for there; at_fault: whether it brought
-    about the contact that ended the drive, None where there was none.
+    status: how it ended (service.world.sim.step)
+    km: driven
+    seen: (n, 51) what the ego perceived at the moments kept
+    avoidance: (n, 2) what the demonstrator's conflict avoidance asked for there
+    at_fault: whether it brought about the contact that ended the drive, None where there was none
     """
 
     status: int
@@ -57,18 +58,10 @@ class Traffic:
     def __init__(self, scenario: str):
         self.scenario = load_scenario(scenario)
         drivers = load_drivers(self.scenario.drivers.weights)
-        network = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
         self.corridor = check_road(self.scenario, self.scenario.name)
         self.base = base_distribution(self.scenario, drivers)
         self._draw = Draw(self.scenario)
-        self.world = World(
-            road_of(self.corridor),
-            network,
-            len(self.scenario.vehicles),
-            self.scenario.ego,
-            self.scenario.time.step_s,
-            traits=traits_of(self.scenario),
-        )
+        self.world = World.of(self.scenario, road_of(self.corridor), drivers, rays=O.BEAMS)
 
     def draw(self, seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Draws x (count, d) from P0 and noise seeds (count,): those of naive Monte Carlo with that seed."""
@@ -85,7 +78,8 @@ class Traffic:
     ) -> Drive:
         """Let `policy` drive the rollout of (x, noise seed).
 
-        every: of every so many moments one is kept, 0: none; sway: (steps, 2) disturbs its actions, m/s^2 and rad/s.
+        every: of every so many moments one is kept, 0: none
+        sway: (steps, 2) disturbs its actions, m/s^2 and rad/s
         """
         world, ego = self.world, self.world.ego
         _, happens = self._draw.begin(world, x, noise_seed)
@@ -196,7 +190,10 @@ class Traffic:
 
 
 def policy_of(network: Network, emergency: bool = False) -> Policy:
-    """Driving by the network's mean action, as the lidar ego does; emergency: with `policies.egos.emergency` beside."""
+    """Driving by the network's mean action, as the lidar ego does.
+
+    emergency: with `policies.egos.emergency` beside
+    """
     outputs = np.empty(O.OUTPUTS, np.float32)
     kind = NETWORK_WITH_EMERGENCY if emergency else NETWORK
 

@@ -19,8 +19,9 @@ REPLAYED = 24  # nearest others; what lies beyond them is hidden behind them
 class Batch:
     """B windows of `steps`: the first DRIVEN columns of `state` are driven.
 
-    replay (steps + 1, B, REPLAYED, 4): x, y, heading, speed, NaN where absent; target (steps + 1, B, DRIVEN, 3):
-    station m, lateral offset m, speed m/s as recorded; used (B, DRIVEN): 0 for columns that hold nobody.
+    replay (steps + 1, B, REPLAYED, 4): x, y, heading, speed, NaN where absent
+    target (steps + 1, B, DRIVEN, 3): station m, lateral offset m, speed m/s as recorded
+    used (B, DRIVEN): 0 for columns that hold nobody
     """
 
     state: State

@@ -69,9 +69,13 @@ def observe_recorded(
 ) -> None:  # fmt: skip
     """Observations (n, 51) of recorded vehicles, each moved by its row of `shift`.
 
-    state: (F, N, 4) x, y, heading, speed; size: (N, 2); present: (F, N); which_frame, which_vehicle: (n,); shift:
-    (n, 4) metres ahead, metres to the left, radians, m/s. The flag INCIDENT is left at 0: recorded
-    drivers do none of it, only recorded boxes do.
+    state: (F, N, 4) x, y, heading, speed
+    size: (N, 2)
+    present: (F, N)
+    which_frame, which_vehicle: (n,)
+    shift: (n, 4) metres ahead, metres to the left, radians, m/s
+
+    The flag INCIDENT is left at 0: recorded drivers do none of it, only recorded boxes do.
     """
     vehicles = state.shape[1]
     agents = np.zeros((vehicles + 1, A.COLUMNS))
@@ -120,11 +124,15 @@ def drive(
 ) -> int:  # fmt: skip
     """Drive the first `controlled` vehicles for `steps` as the simulation does, without SUMO.
 
-    The driver network (w1, b1, w2, b2, head) drives all but row `ego` (-1: none), which the mean action of the
-    second network drives. noise: (steps, controlled, 2). Rows beyond `controlled` follow replay (steps, rows, 4):
-    x, y, heading, speed, NaN where absent. Fills observations (steps, controlled, 51), trace (steps + 1,
-    controlled, TRACE) and ego_ttc (steps + 1,) (s); row t of the trace is the state before step t. Returns the
-    number of steps made: fewer when the ego has ended its rollout and `stop_with_ego`.
+    The driver network (w1, b1, w2, b2, head) drives all but row `ego` (-1: none), which the mean action of the second
+    network drives.
+
+    noise: (steps, controlled, 2)
+
+    Rows beyond `controlled` follow replay (steps, rows, 4): x, y, heading, speed, NaN where absent. Fills observations
+    (steps, controlled, 51), trace (steps + 1, controlled, TRACE) and ego_ttc (steps + 1,) (s); row t of the trace is
+    the state before step t. Returns the number of steps made: fewer when the ego has ended its rollout and
+    `stop_with_ego`.
     """
     count = agents.shape[0]
     outputs = np.empty(O.OUTPUTS, np.float32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -17,22 +18,36 @@ from sumo_nets.errors import NetworkError
 HEAD = '<net version="1.20"><location netOffset="0,0" convBoundary="0,0,1,1" origBoundary="0,0,1,1" projParameter="!"/>'
 
 
+def edge_text(
+    edge: str,
+    ends: Sequence[str],
+    x: float,
+    lanes: list[str],
+    y: list[float],
+    more: str = 'speed="29" length="300"',
+) -> list[str]:
+    """A straight edge of 300 m from x on; `lanes`: further attributes by SUMO's index; `y`: where each is drawn."""
+    return [
+        f'<edge id="{edge}" from="{ends[0]}" to="{ends[1]}" priority="-1">',
+        *(
+            f'<lane id="{edge}_{i}" index="{i}" {own} {more} shape="{x},{at} {x + 300},{at}"/>'
+            for i, (own, at) in enumerate(zip(lanes, y, strict=True))
+        ),
+        "</edge>",
+    ]
+
+
+def connections(lanes: int) -> list[str]:
+    """From each lane of e1 to that of e2."""
+    return [
+        f'<connection from="e1" to="e2" fromLane="{i}" toLane="{i}" dir="s" state="M"/>' for i in range(lanes)
+    ]
+
+
 def road_text(lanes: list[str], y: list[float]) -> str:
     """Edges e1 and e2 of 300 m each; `lanes`: further attributes by SUMO's index; `y`: where each is drawn."""
-    parts = [HEAD]
-    for edge, x in (("e1", 0), ("e2", 300)):
-        parts.append(f'<edge id="{edge}" from="{edge}a" to="{edge}b" priority="1">')
-        parts += [
-            f'<lane id="{edge}_{i}" index="{i}" speed="29" length="300" {more} '
-            f'shape="{x},{at} {x + 300},{at}"/>'
-            for i, (more, at) in enumerate(zip(lanes, y, strict=True))
-        ]
-        parts.append("</edge>")
-    parts += [
-        f'<connection from="e1" to="e2" fromLane="{i}" toLane="{i}" dir="s" state="M"/>'
-        for i in range(len(y))
-    ]
-    return "".join([*parts, "</net>"])
+    e1, e2 = (edge_text(e, (f"{e}a", f"{e}b"), x, lanes, y) for e, x in (("e1", 0), ("e2", 300)))
+    return "".join([HEAD, *e1, *e2, *connections(len(y)), "</net>"])
 
 
 @pytest.fixture

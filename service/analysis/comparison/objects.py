@@ -111,7 +111,10 @@ class Curves(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Comparison(msgspec.Struct, frozen=True, kw_only=True):
-    """Egos or runs on the same question; pairs: each against each that stands before it."""
+    """Egos or runs on the same question.
+
+    pairs: each against each that stands before it
+    """
 
     format: int = FORMAT
     gamma: float

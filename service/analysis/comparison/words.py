@@ -14,8 +14,11 @@ def pair_summary(
     confidence: float,
     draws: Pairs | None = None,
 ) -> str:
-    """What the comparison comes to, in a few sentences, the first of which is the conclusion. event: as in
-    "f <= 0.5 s"; draws: where both ran the same ones"""
+    """What the comparison comes to, in a few sentences, the first of which is the conclusion.
+
+    event: as in "f <= 0.5 s"
+    draws: where both ran the same ones
+    """
     a, b = sides
     low, high = difference.difference_ci
     sure = level(confidence)

@@ -23,7 +23,10 @@ def playback_of(
     rays: int,
     states: np.ndarray | None = None,
 ) -> Playback:
-    """The states of a trace (default: all) to be shown. rays: of the safety measure, 0 for none."""
+    """The states of a trace (default: all) to be shown.
+
+    rays: of the safety measure, 0 for none
+    """
     shown = np.arange(len(trace.time_s)) if states is None else states
     agents = trace.agents[shown]
     active = agents[:, :, A.ACTIVE] != 0.0

@@ -10,7 +10,10 @@ import msgspec
 
 
 class Track(msgspec.Struct, frozen=True, kw_only=True):
-    """A vehicle over time. role: "threat" is the one that the smallest value is to."""
+    """A vehicle over time.
+
+    role: "threat" is the one that the smallest value is to
+    """
 
     name: str
     role: Literal["ego", "threat", "other"]

@@ -28,10 +28,14 @@ Open = Callable[[Job], AbstractContextManager["Rerunner"]]  # a rerunner of a jo
 class Rerun:
     """A rollout that was run once more.
 
-    driven_m, time_s: how far and how long the ego drove; driving: how the others did; motion: None where the smallest
-    value is to background traffic, or the rollout failed; contact: of the ego, where it ended the rollout; trace: of
-    those asked for; lapse: of the other vehicle's driver, where drivers have any. What is remembered of an earlier time
-    has f, outcome, error, motion, contact and lapse alone.
+    driven_m, time_s: how far and how long the ego drove
+    driving: how the others did
+    motion: None where the smallest value is to background traffic, or the rollout failed
+    contact: of the ego, where it ended the rollout
+    trace: of those asked for
+    lapse: of the other vehicle's driver, where drivers have any
+
+    What is remembered of an earlier time has f, outcome, error, motion, contact and lapse alone.
     """
 
     f: float
@@ -70,7 +74,11 @@ class Rerunner:
         traced: Collection[int] = (),
         on_done: Callable[[int], None] = lambda count: None,
     ) -> list[Rerun]:
-        """Run the rollouts again, in order; traced: which to return the traces of; on_done: told how many more."""
+        """Run the rollouts again, in order.
+
+        traced: which to return the traces of
+        on_done: told how many more
+        """
         found: dict[int, Rerun] = {}
         wanted = [(i, draw, i in traced) for i, draw in enumerate(drawn)]
         for part, results in self._pool.run(wanted[i : i + AT_ONCE] for i in range(0, len(wanted), AT_ONCE)):

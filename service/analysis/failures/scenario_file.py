@@ -9,7 +9,10 @@ from service.world.scenario.noise import Noise
 
 
 def scenario_text(problem: Problem, x: np.ndarray, noise_seed: Noise, f: float, title: str) -> str:
-    """The text of a scenario file that holds the rollout of x (d,) and its noise seed; f: what it came to, in s."""
+    """The text of a scenario file that holds the rollout of x (d,) and its noise seed.
+
+    f: what it came to, in s
+    """
     job = problem.job
     fixed = msgspec.structs.replace(
         fixed_of(job.scenario, problem.base, x, noise_seed),

@@ -138,8 +138,11 @@ def _korn_graubard(share: float, n: float, confidence: float) -> tuple[float, fl
 def mean_estimate(estimate: ce.Estimate, rows: np.ndarray, values: np.ndarray, stop: int) -> ce.Estimate:
     """The estimate of the mean of a value between 0 and 1 (a risk given what happened), from the first `stop` rollouts.
 
-    rows: of the rollouts that have a value above 0, all below `stop`; values: theirs. An event of probability `value`
-    given the rollout weighs that much less; a failed rollout counts with 1 in the upper end.
+    rows: of the rollouts that have a value above 0, all below `stop`
+    values: theirs
+
+    An event of probability `value` given the rollout weighs that much less; a failed rollout counts with 1 in the upper
+    end.
     """
     part = mode_estimate(estimate, rows, stop)
     log_weights = np.zeros(stop) if part.log_weights is None else part.log_weights.copy()

@@ -28,7 +28,10 @@ from service.world.scenario.schema import Scenario
 
 
 def failure_of(events: Events, i: int, again: Rerun, rank: int, mode: str | None = None) -> Failure:
-    """The rollout at position i of the events; mode: None where it was not grouped with others."""
+    """The rollout at position i of the events.
+
+    mode: None where it was not grouped with others
+    """
     record = events.record
     ((x, noise_seed),) = events.drawn([i])
     vehicles = record.job.scenario.vehicles
@@ -82,8 +85,10 @@ def story_of(events: Events, again: Rerun) -> str:
 
 
 def sample_causes(examined: Examined, rank: dict[int, int]) -> list[Cause]:
-    """What the other drivers did wrong in the sample, the largest share of p first; rank: of each position in the order
-    asked for."""
+    """What the other drivers did wrong in the sample, the largest share of p first.
+
+    rank: of each position in the order asked for
+    """
     events, sample = examined.events, examined.sample
     lapses = [examined.reruns[i].lapse for i in sample.tolist()]
     fallen = np.array(["" if lapse is None else lapse.kind for lapse in lapses])
@@ -110,7 +115,10 @@ def sample_causes(examined: Examined, rank: dict[int, int]) -> list[Cause]:
 
 
 def sample_modes(examined: Examined, modes: dict[int, str], rank: dict[int, int]) -> list[Mode]:
-    """The modes of the sample, the largest share first; rank: of each position in the order asked for."""
+    """The modes of the sample, the largest share first.
+
+    rank: of each position in the order asked for
+    """
     events, sample = examined.events, examined.sample
     names = np.array([modes[i] for i in sample.tolist()])
     found = []

@@ -53,7 +53,10 @@ KINDS = (
 
 @dataclass(frozen=True)
 class Driven:
-    """How the drivers of n rollouts drove, each with its weight; ess: their effective number."""
+    """How the drivers of n rollouts drove, each with its weight.
+
+    ess: their effective number
+    """
 
     driving: Sequence[Driving]
     weight: np.ndarray
@@ -108,7 +111,10 @@ def rate_of(kind: Kind, driven: Driven, confidence: float) -> Rate:
 
 
 def _counted(rate: float, variance: float, one: float, tail: float) -> tuple[float, float]:
-    """Fay and Feuer's interval; one: what a single further event in the heaviest rollout would add to the rate."""
+    """Fay and Feuer's interval.
+
+    one: what a single further event in the heaviest rollout would add to the rate
+    """
     low = 0.0
     if rate > 0.0:
         low = variance / (2.0 * rate) * float(chdtri(2.0 * rate**2 / variance, 1.0 - tail))

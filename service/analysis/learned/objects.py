@@ -53,7 +53,10 @@ class Rate(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Behaviour(msgspec.Struct, frozen=True, kw_only=True):
-    """How the drivers drive, under P0 and as the search has them; sentence: empty where the two intervals meet."""
+    """How the drivers drive, under P0 and as the search has them.
+
+    sentence: empty where the two intervals meet
+    """
 
     name: str
     what: str

@@ -49,7 +49,10 @@ def named(scenario: Scenario, vehicle: str) -> str:
 
 
 def rate_sentence(says: tuple[str, str], unit: str, base: Rate, proposal: Rate) -> str:
-    """How a behaviour differs; says: the words for more and for less."""
+    """How a behaviour differs.
+
+    says: the words for more and for less
+    """
     assert base.value is not None
     assert proposal.value is not None
     wording = says[0] if proposal.value > base.value else says[1]

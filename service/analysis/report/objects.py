@@ -24,8 +24,11 @@ class _Fact(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class Headline(_Fact, frozen=True):
-    """The estimate that heads the report. settled: without warnings about itself; failures: how failed rollouts were
-    treated in p, "" where none failed."""
+    """The estimate that heads the report.
+
+    settled: without warnings about itself
+    failures: how failed rollouts were treated in p, "" where none failed
+    """
 
     job: str
     by_method: str
@@ -40,7 +43,11 @@ class Headline(_Fact, frozen=True):
 
 
 class ScenarioFacts(_Fact, frozen=True):
-    """What was simulated. file: what the scenario's file says; drivers_sha256: of the weights."""
+    """What was simulated.
+
+    file: what the scenario's file says
+    drivers_sha256: of the weights
+    """
 
     name: str
     description: str
@@ -169,7 +176,10 @@ class DriverShift(_Fact, frozen=True):
 
 
 class JobFacts(_Fact, frozen=True):
-    """A job of the run: what was asked, what it came to, what it cost. method_used: what "auto" has come to."""
+    """A job of the run: what was asked, what it came to, what it cost.
+
+    method_used: what "auto" has come to
+    """
 
     id: str
     method: str

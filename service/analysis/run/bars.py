@@ -1,6 +1,7 @@
 """Progress bars on standard error, off when it is not a terminal."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import click
 from rich.console import Console
@@ -50,6 +51,14 @@ def progress_bar(threaded: bool = True) -> Progress:
         redirect_stderr=threaded,
         disable=not stderr.is_terminal,
     )
+
+
+@contextmanager
+def counted(what: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar for what is counted, told of (done, total)."""
+    with progress_bar() as bar:
+        task = bar.add_task(what, total=None, note="")
+        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 class Shown:

@@ -106,8 +106,11 @@ class Run:
     def record(
         self, job: str | None = None, gamma: float | None = None, outcome: str | None = None
     ) -> JobRecord:
-        """The record of a job, replayed; gamma: another threshold than its own; outcome: the event is that a rollout
-        ends so."""
+        """The record of a job, replayed.
+
+        gamma: another threshold than its own
+        outcome: the event is that a rollout ends so
+        """
         return record_of(self.path, job, gamma, outcome)[0]
 
     def to_polars(self) -> pl.DataFrame:
@@ -142,9 +145,11 @@ class Run:
     ) -> Failures:
         """How the ego fails: the failure modes, and the first `limit` dangerous rollouts in the order asked for.
 
-        by: likelihood, weight or f; job: default the one with most dangerous rollouts; examine: dangerous rollouts at
-        most that are run again and grouped; watch: told of (done, total); outcome: the rollouts that ended so
-        ("collision", "off-road", ...), instead of those with f <= gamma.
+        by: likelihood, weight or f
+        job: default the one with most dangerous rollouts
+        examine: dangerous rollouts at most that are run again and grouped
+        watch: told of (done, total)
+        outcome: the rollouts that ended so ("collision", "off-road", ...), instead of those with f <= gamma
         """
         record, _ = record_of(self.path, job, None, outcome)
         with Rerunner(record.job, self.workers) as rerunner:

@@ -18,7 +18,10 @@ QUALITY = 80  # of JPEG, in percent
 
 @dataclass(frozen=True)
 class EgoView:
-    """The camera of the scenario, with the mounting and lens it has there, in any size; x, seed: of the rollout."""
+    """The camera of the scenario, with the mounting and lens it has there, in any size.
+
+    x, seed: of the rollout
+    """
 
     scenario: Scenario
     corridor: Corridor

@@ -28,8 +28,10 @@ def sqlite_url(path: Path) -> str:
 
 
 def open_engine(url: str, lock_wait_s: float = LOCK_WAIT_S, new: bool = True) -> sa.Engine:
-    """An engine for the database at `url`, with this version's tables; StoreError where that cannot be. new: make the
-    tables of a database that has none, instead of refusing it."""
+    """An engine for the database at `url`, with this version's tables; StoreError where that cannot be.
+
+    new: make the tables of a database that has none, instead of refusing it
+    """
     try:
         engine = _engine(url, lock_wait_s)
     except (ArgumentError, NoSuchModuleError) as error:

@@ -38,7 +38,10 @@ SCHEMA = {
 def table_of(
     jobs: Mapping[str, Iterable[tuple[str, int, Chunk, Origin]]], outcomes: Mapping[int, str]
 ) -> pl.DataFrame:
-    """Every rollout of the jobs. outcomes: names of the outcome codes."""
+    """Every rollout of the jobs.
+
+    outcomes: names of the outcome codes
+    """
     frames = [_frame(job, *one, outcomes) for job, chunks in jobs.items() for one in chunks]
     return pl.concat(frames) if frames else pl.DataFrame(schema=SCHEMA)
 
@@ -46,7 +49,10 @@ def table_of(
 def write_parquet(
     path: Path, jobs: Mapping[str, Iterable[tuple[str, int, Chunk, Origin]]], outcomes: Mapping[int, str]
 ) -> int:
-    """Write every rollout of the jobs; how many there are. outcomes: names of the outcome codes."""
+    """Write every rollout of the jobs; how many there are.
+
+    outcomes: names of the outcome codes
+    """
     table = table_of(jobs, outcomes)
     try:
         table.write_parquet(path, compression="zstd")

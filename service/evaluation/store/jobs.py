@@ -91,7 +91,9 @@ class AuditRow(msgspec.Struct, frozen=True):
 class Mark(msgspec.Struct, frozen=True):
     """How a job's record is at a moment. Nothing in a record is changed or removed: equal marks are of equal records.
 
-    epoch: how often chunks were voided; chunks: ever recorded; voided: of those
+    epoch: how often chunks were voided
+    chunks: ever recorded
+    voided: of those
     """
 
     status: str
@@ -284,7 +286,8 @@ class JobStore(Closing):
 
     def quarantine(self, worker: str, why: str, also: Iterable[str] = ()) -> list[str]:
         """Void every chunk of the worker that no other worker has confirmed, and keep its name; the jobs concerned.
-        also: what is refused with it, as "host 192.0.2.7".
+
+        also: what is refused with it, as "host 192.0.2.7"
 
         Those that were done are running again, by the same transaction: no job is done without its rollouts.
         """

@@ -40,7 +40,10 @@ class LastState(msgspec.Struct, frozen=True):
 
 
 class KeptState(msgspec.Struct, frozen=True):
-    """A state as it is read; sound: its checksum is there and holds."""
+    """A state as it is read.
+
+    sound: its checksum is there and holds
+    """
 
     last: LastState
     sound: bool

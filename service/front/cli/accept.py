@@ -4,14 +4,13 @@ import sys
 from pathlib import Path
 
 import click
-import msgspec
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from service.analysis.acceptance.objects import Acceptance, Judged
 from service.analysis.wording import significant
-from service.front.cli.options import json_option, workers_option
+from service.front.cli.options import echo_json, json_option, workers_option
 from service.front.cli.tables import whole
 
 EXIT = {"met": 0, "not met": 1, "undecided": 4}  # as of `tailroad batch`
@@ -33,7 +32,7 @@ def command(case: Path, fail_unless: str | None, workers: int | None, as_json: b
 
     found = accept_case(case, workers)
     if as_json:
-        click.echo(msgspec.json.format(msgspec.json.encode(found), indent=2).decode())
+        echo_json(found)
     else:
         _print(found)
     if fail_unless is not None:

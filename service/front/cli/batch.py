@@ -14,7 +14,14 @@ from rich.table import Table
 from service.analysis.run.bars import progress_bar, stderr
 from service.evaluation.cores import core_count
 from service.front.cli.main import INTERRUPTED
-from service.front.cli.options import finite, json_option, workers_option, zenoh_config_option
+from service.front.cli.options import (
+    FOLDER,
+    connect_option,
+    finite,
+    json_option,
+    workers_option,
+    zenoh_config_option,
+)
 from service.front.cli.tables import whole
 from service.front.matrix.plan import Batch, Cell, cells, read_batch
 from service.front.matrix.verdict import Result, exit_code
@@ -26,10 +33,9 @@ COLOURS = {"below": "green", "above": "red", "not-below": "red", "inconclusive":
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option("--fail-above", type=click.FloatRange(0, 1, min_open=True, max_open=True), callback=finite,
               help="Fail where the upper bound of p exceeds this.  [default: fail_above of the file]")  # fmt: skip
-@click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="Folder of the runs, results.json and "
+@click.option("--out", type=FOLDER, help="Folder of the runs, results.json and "
               "results.csv.  [default: batch-NAME]")  # fmt: skip
-@click.option("--connect", multiple=True, help="Have the service at this Zenoh endpoint run it; once for each.  "
-              "[default: run it here]")  # fmt: skip
+@connect_option("Have the service at this Zenoh endpoint run it, instead of this machine")
 @zenoh_config_option()
 @workers_option()
 @json_option()

@@ -5,17 +5,15 @@ from functools import wraps
 from typing import Any
 
 import click
-import msgspec
 
-from service.front.cli.options import all_of, zenoh_config_option
+from service.front.cli.options import all_of, connect_option, zenoh_config_option
 from service.remote.client import DEFAULT_ENDPOINT, Client
 
 
 def client_options() -> Callable:
     """`--connect`, `--zenoh-config` and `--timeout`; the command is given `client`, which it must use as a context."""
     options = all_of(
-        click.option("--connect", multiple=True, default=(DEFAULT_ENDPOINT,), show_default=True,
-                     help="Zenoh endpoint of the service or a router; once for each."),
+        connect_option("Zenoh endpoint of the service or a router", (DEFAULT_ENDPOINT,)),
         zenoh_config_option(),
         click.option("--timeout", type=click.FloatRange(0.1, 3600), default=20.0, show_default=True,
                      help="Seconds to wait for an answer."),
@@ -32,9 +30,3 @@ def client_options() -> Callable:
         return options(with_client)
 
     return decorate
-
-
-def echo_json(body: msgspec.Struct | bytes) -> None:
-    """Print an answer of the service as indented JSON."""
-    data = body if isinstance(body, bytes) else msgspec.json.encode(body)
-    click.echo(msgspec.json.format(data, indent=2).decode())

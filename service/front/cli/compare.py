@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-import msgspec
 from rich.console import Console
 from rich.table import Table
 
@@ -17,7 +16,7 @@ from service.evaluation.cores import core_count
 from service.evaluation.options import METHODS
 from service.front.cli.ego_options import ego_option
 from service.front.cli.main import INTERRUPTED
-from service.front.cli.options import finite, json_option, seed_option, workers_option
+from service.front.cli.options import FOLDER, echo_json, finite, json_option, seed_option, workers_option
 from service.front.cli.tables import folded, side_by_side, whole
 
 
@@ -33,7 +32,7 @@ from service.front.cli.tables import folded, side_by_side, whole
 @seed_option()
 @click.option("--examine", type=click.IntRange(0), default=EXAMINED, show_default=True,
               help="Dangerous rollouts of each at most to run again and group into failure modes.")  # fmt: skip
-@click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="SCENARIO: folder for the run "
+@click.option("--out", type=FOLDER, help="SCENARIO: folder for the run "
               "directories; what it holds already is continued.  [default: runs/compare-SCENARIO-TIME]")  # fmt: skip
 @click.option("--html", type=click.Path(dir_okay=False, path_type=Path), help="Write a page to this file.")
 @workers_option()
@@ -73,7 +72,7 @@ def command(
     if html is not None:
         compared.report(html)
     if as_json:
-        click.echo(msgspec.json.format(msgspec.json.encode(found), indent=2).decode())
+        echo_json(found)
         return
     _print(found)
     if html is not None:

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from service.front.cli.options import zenoh_config_option
+from service.front.cli.options import connect_option, zenoh_config_option
 from service.remote.client import DEFAULT_ENDPOINT
 
 DEFAULT_ADDRESS = "127.0.0.1:7448"
@@ -33,8 +33,7 @@ def _checked(ctx: click.Context, param: click.Parameter, value: str) -> Any:
 
 
 @click.command()
-@click.option("--connect", multiple=True, default=(DEFAULT_ENDPOINT,), show_default=True,
-              help="Zenoh endpoint of the service or a router; once for each.")  # fmt: skip
+@connect_option("Zenoh endpoint of the service or a router", (DEFAULT_ENDPOINT,))
 @click.option("--address", default=DEFAULT_ADDRESS, show_default=True, metavar="[HOST:]PORT", callback=_checked,
               help="Where browsers find it; port 0: any that is free.")  # fmt: skip
 @click.option("--name", "names", multiple=True, metavar="NAME",

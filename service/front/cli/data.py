@@ -12,6 +12,7 @@ from rich.table import Table
 
 from service.analysis.run.bars import stderr
 from service.errors import InputError
+from service.front.cli.options import FOLDER
 
 
 @click.group()
@@ -21,7 +22,7 @@ def command() -> None:
 
 @command.command("import")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(file_okay=False, path_type=Path),
+@click.option("--out", required=True, type=FOLDER,
               help="Folder for one Parquet file and one JSON report a recording file.")  # fmt: skip
 @click.option("--units", type=click.Choice(["auto", "feet", "metres"]), default="auto", show_default=True,
               help="Of text and CSV files; auto: told by the cars' lengths.")  # fmt: skip
@@ -80,9 +81,9 @@ def schema(as_json: bool) -> None:
 
 
 @command.command("fit-starts")
-@click.option("--data", required=True, type=click.Path(file_okay=False, path_type=Path),
+@click.option("--data", required=True, type=FOLDER,
               help="Folder of the data pack, or of imported tables (their first road).")  # fmt: skip
-@click.option("--out", required=True, type=click.Path(file_okay=False, path_type=Path),
+@click.option("--out", required=True, type=FOLDER,
               help="Folder for the pictures and i80-data.json.")  # fmt: skip
 @click.option(
     "--resamples", type=click.IntRange(20), default=400, show_default=True, help="Of the bootstrap."

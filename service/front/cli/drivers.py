@@ -12,7 +12,7 @@ from service.analysis.run.bars import progress_bar, stderr
 from service.errors import InputError
 from service.evaluation.cores import core_count
 from service.front.cli.main import INTERRUPTED
-from service.front.cli.options import json_option, seed_option, workers_option
+from service.front.cli.options import FOLDER, json_option, seed_option, workers_option
 
 
 @click.group()
@@ -25,7 +25,7 @@ def command() -> None:
               help="Shipped weights, or the path of a .safetensors file.")  # fmt: skip
 @click.option("--data", required=True, type=click.Path(path_type=Path),
               help="Folder of the data pack, or of tables that 'tailroad data import' wrote.")  # fmt: skip
-@click.option("--out", default=Path("."), show_default=True, type=click.Path(file_okay=False, path_type=Path),
+@click.option("--out", default=Path("."), show_default=True, type=FOLDER,
               help="Folder for NAME-realism.html and NAME-realism.json.")  # fmt: skip
 @click.option("--samples", type=click.IntRange(1, 100), default=2, show_default=True,
               help="Rollouts of each recorded window.")  # fmt: skip
@@ -76,9 +76,9 @@ def card(
 @click.option("--leaks", type=click.Choice(["forced", "drawn"]), default="forced", show_default=True,
               help="forced: at every glance that a conflict suppresses, also drive on as if it had not; rare contacts "
               "come sooner, for every epsilon at once. drawn: as it happens.")  # fmt: skip
-@click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("runs/driver-rates"),
+@click.option("--out", type=FOLDER, default=Path("runs/driver-rates"),
               show_default=True, help="Keeps the counts; the same command goes on from there.")  # fmt: skip
-@click.option("--pages", type=click.Path(file_okay=False, path_type=Path), help="Where the page is written.  "
+@click.option("--pages", type=FOLDER, help="Where the page is written.  "
               "[default: OUT]")  # fmt: skip
 @workers_option()
 @seed_option()
@@ -144,7 +144,7 @@ def _show(bar: Progress, task: TaskID, done: int, wanted: int) -> None:
 
 
 @command.command("fit-noise")
-@click.option("--data", required=True, type=click.Path(file_okay=False, path_type=Path),
+@click.option("--data", required=True, type=FOLDER,
               help="Folder of the data pack.")  # fmt: skip
 @click.option("--scenario", default="i80-data", show_default=True, help="Whose starts are as recorded.")
 @click.option(

@@ -23,6 +23,7 @@ from service.evaluation.pool import InSumo
 from service.front.cli.ego_options import ego_option
 from service.front.cli.main import INTERRUPTED
 from service.front.cli.options import (
+    FOLDER,
     finite,
     in_sumo_option,
     json_option,
@@ -68,7 +69,7 @@ NOT_PRECISE = 3
               "this run directory or file; none is trained.")  # fmt: skip
 @workers_option()
 @seed_option()
-@click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="Run directory.  "
+@click.option("--out", type=FOLDER, help="Run directory.  "
               "[default: runs/SCENARIO-EGO-TIME]")  # fmt: skip
 @click.option("--resume", type=click.Path(exists=True, file_okay=False, path_type=Path),
               help="Continue the run in this directory; its own settings hold.")  # fmt: skip

@@ -3,20 +3,18 @@
 from pathlib import Path
 
 import click
-import msgspec
 from rich.console import Console
 
-from service.analysis.failures.events import ORDERS, Order
-from service.analysis.failures.examine import EXAMINED
+from service.analysis.failures.events import Order
 from service.analysis.failures.find import find_failures
 from service.analysis.failures.objects import Failures
 from service.analysis.failures.rerun import Rerunner
-from service.analysis.run.bars import progress_bar
+from service.analysis.run.bars import counted
 from service.analysis.run.records import record_of
 from service.analysis.wording import quantity, significant
 from service.evaluation.cores import core_count
-from service.front.cli.options import json_option, workers_option
-from service.front.cli.runs import method_option, outcome_option, run_argument
+from service.front.cli.options import echo_json, json_option, workers_option
+from service.front.cli.runs import examine_option, method_option, order_option, outcome_option, run_argument
 from service.front.cli.tables import dense
 
 
@@ -24,12 +22,10 @@ from service.front.cli.tables import dense
 @run_argument()
 @method_option()
 @outcome_option()
-@click.option("--by", "order", type=click.Choice(ORDERS), default="likelihood", show_default=True,
-              help="What ranks first: likeliest x under P0, heaviest in the estimate, or lowest f.")  # fmt: skip
+@order_option("What ranks first: likeliest x under P0, heaviest in the estimate, or lowest f.")
 @click.option("--limit", type=click.IntRange(1, 10_000), default=20, show_default=True,
               help="Dangerous rollouts to list.")  # fmt: skip
-@click.option("--examine", type=click.IntRange(1), default=EXAMINED, show_default=True,
-              help="Dangerous rollouts at most to run again and group.")  # fmt: skip
+@examine_option("run again and group")
 @workers_option()
 @json_option()
 def command(
@@ -41,20 +37,13 @@ def command(
     Each is run again, which brings back the same motion to the bit; `tailroad replay RUN RANK` shows one.
     """
     record, _ = record_of(run, method, None, outcome)
-    with progress_bar() as bar, Rerunner(record.job, workers or core_count()) as rerunner:
-        task = bar.add_task("dangerous rollouts", total=None, note="")
-        found = find_failures(
-            run.name,
-            record,
-            rerunner,
-            order,
-            limit,
-            examine,
-            run,
-            lambda done, total: bar.update(task, completed=done, total=total),
-        ).failures
+    with (
+        counted("dangerous rollouts") as watch,
+        Rerunner(record.job, workers or core_count()) as rerunner,
+    ):
+        found = find_failures(run.name, record, rerunner, order, limit, examine, run, watch).failures
     if as_json:
-        click.echo(msgspec.json.format(msgspec.json.encode(found), indent=2).decode())
+        echo_json(found)
     else:
         _print(run, found)
 

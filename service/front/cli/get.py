@@ -6,7 +6,8 @@ import click
 import msgspec
 
 from service.errors import InputError, StoreError
-from service.front.cli.client_options import client_options, echo_json
+from service.front.cli.client_options import client_options
+from service.front.cli.options import echo_json
 from service.remote.client import Client
 
 

@@ -4,8 +4,8 @@ import sys
 
 import click
 
-from service.front.cli.client_options import client_options, echo_json
-from service.front.cli.options import json_option
+from service.front.cli.client_options import client_options
+from service.front.cli.options import echo_json, json_option
 from service.remote.client import Client, NoAnswer, Refused
 
 UNWELL = 1

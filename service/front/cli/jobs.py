@@ -5,8 +5,8 @@ from rich.console import Console
 from rich.table import Table
 
 from service.analysis.wording import quantity
-from service.front.cli.client_options import client_options, echo_json
-from service.front.cli.options import json_option
+from service.front.cli.client_options import client_options
+from service.front.cli.options import echo_json, json_option
 from service.front.cli.tables import whole
 from service.remote.api.objects import STATUSES, Job, Jobs
 from service.remote.client import Client

@@ -2,15 +2,18 @@
 
 import functools
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import click
+import msgspec
 
 from service.errors import InputError
 from service.evaluation.failed_share import MAX_FAILED
 from service.world.scenario.measures import MEASURES
 
 MAX_SEED = 2**63 - 1
+FOLDER = click.Path(file_okay=False, path_type=Path)
 
 
 def all_of(*options: Callable) -> Callable[[Callable], Callable]:
@@ -93,6 +96,22 @@ def max_failed_option() -> Callable:
 
 def json_option() -> Callable:
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
+
+
+def echo_json(body: msgspec.Struct | bytes) -> None:
+    """Print what was found, or the JSON that a service answered, indented."""
+    data = body if isinstance(body, bytes) else msgspec.json.encode(body)
+    click.echo(msgspec.json.format(data, indent=2).decode())
+
+
+def connect_option(says: str, default: tuple[str, ...] = ()) -> Callable:
+    return click.option(
+        "--connect",
+        multiple=True,
+        default=default,
+        show_default=bool(default),
+        help=f"{says}; once for each.",
+    )
 
 
 def finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:

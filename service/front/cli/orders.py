@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import click
 
-from service.front.cli.client_options import client_options, echo_json
-from service.front.cli.options import json_option
+from service.front.cli.client_options import client_options
+from service.front.cli.options import echo_json, json_option
 from service.remote.api.objects import Done
 from service.remote.client import Client
 

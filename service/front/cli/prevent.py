@@ -4,20 +4,18 @@ import math
 from pathlib import Path
 
 import click
-import msgspec
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from service.analysis.failures.events import ORDERS, Order
-from service.analysis.failures.examine import EXAMINED
+from service.analysis.failures.events import Order
 from service.analysis.prevention.objects import Part, Prevention
 from service.analysis.prevention.onset import TTC_S
 from service.analysis.prevention.prevent import DEFAULT
-from service.analysis.run.bars import progress_bar
+from service.analysis.run.bars import counted
 from service.analysis.wording import quantity, significant
-from service.front.cli.options import json_option, require_folder, workers_option
-from service.front.cli.runs import method_option, run_argument
+from service.front.cli.options import echo_json, json_option, require_folder, workers_option
+from service.front.cli.runs import examine_option, method_option, order_option, run_argument
 from service.front.cli.tables import whole
 
 FROM_THE_START = "start"
@@ -43,10 +41,8 @@ def _seconds(ctx: click.Context, param: click.Parameter, value: str) -> float:
               "ego.")  # fmt: skip
 @click.option("--onset-ttc", "onset_ttc_s", default=str(TTC_S), show_default=True, callback=_seconds,
               help="Seconds to collision at which a conflict begins; 'start': with the rollout.")  # fmt: skip
-@click.option("--by", "order", type=click.Choice(ORDERS), default="likelihood", show_default=True,
-              help="The order that ranks count in, as of `tailroad failures`.")  # fmt: skip
-@click.option("--examine", type=click.IntRange(1), default=EXAMINED, show_default=True,
-              help="Dangerous rollouts at most to drive again.")  # fmt: skip
+@order_option()
+@examine_option("drive again")
 @click.option("--video", type=click.Path(dir_okay=False, path_type=Path),
               help="Instead: a film (.mp4) of one rollout as it was and with the first reference driver.")  # fmt: skip
 @click.option("--rank", type=click.IntRange(1), default=1, show_default=True,
@@ -75,14 +71,10 @@ def command(
     if video is not None:
         _film(run, method, references[0], onset_ttc_s, order, rank, video)
         return
-    with progress_bar() as bar:
-        task = bar.add_task("conflicts", total=None, note="")
-        found = prevention_of(
-            run, method, references, order, examine, onset_ttc_s, workers,
-            lambda done, total: bar.update(task, completed=done, total=total),
-        )  # fmt: skip
+    with counted("conflicts") as watch:
+        found = prevention_of(run, method, references, order, examine, onset_ttc_s, workers, watch)
     if as_json:
-        click.echo(msgspec.json.format(msgspec.json.encode(found), indent=2).decode())
+        echo_json(found)
     else:
         _print(run, found)
 

@@ -16,7 +16,10 @@ def scenario_options() -> Callable[[Callable], Callable]:
 
 
 def method_options(budget: str) -> Callable[[Callable], Callable]:
-    """`--budget`, `--rel-error`, `--confidence` and `--option`, of every method; budget: what it counts."""
+    """`--budget`, `--rel-error`, `--confidence` and `--option`, of every method.
+
+    budget: what it counts
+    """
     return all_of(
         click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True, help=budget),
         click.option("--rel-error", type=click.FloatRange(0, min_open=True), callback=finite,

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import click
-import msgspec
 
 from service.analysis.exports import Exports, write_exports
 from service.analysis.failures.events import ORDERS, Order, events_of
@@ -12,7 +11,7 @@ from service.analysis.failures.tell import failure_of
 from service.analysis.run.records import record_of
 from service.analysis.wording import quantity
 from service.errors import InputError
-from service.front.cli.options import json_option, require_folder
+from service.front.cli.options import echo_json, json_option, require_folder
 from service.front.cli.runs import method_option, outcome_option, run_argument
 from service.world.scenario.measures import measure_kind, unit_at
 
@@ -71,7 +70,7 @@ def command(
     again = write_exports(record.problem, x, noise_seed, title, exports)
     failure = failure_of(events, position, again, rank)
     if as_json:
-        click.echo(msgspec.json.format(msgspec.json.encode(failure), indent=2).decode())
+        echo_json(failure)
         return
     unit = unit_at(measure_kind(record.job.scenario.safety.measure).unit, again.f)
     same = "the same to the bit as on record" if failure.same_to_the_bit else f"on record {failure.f!r}"

@@ -11,7 +11,7 @@ from service.analysis.run.bars import progress_bar, stderr
 from service.errors import InputError
 from service.evaluation.cores import core_count
 from service.front.cli.main import INTERRUPTED
-from service.front.cli.options import seed_option, workers_option, zenoh_config_option
+from service.front.cli.options import FOLDER, connect_option, seed_option, workers_option, zenoh_config_option
 from service.studies.reproduce.black_box import black_box
 from service.studies.reproduce.local import Watch, carry_out
 from service.studies.reproduce.page import Page, page_of, page_of_several, write_page
@@ -32,16 +32,16 @@ REPORT_EVERY_S = 60.0  # where standard error is no terminal
 @click.option("--scale", type=click.Choice(SCALES), default="small", show_default=True,
               help="smoke: seconds; small: minutes; medium: an hour; large: hours; paper: the sizes of the "
               "paper.")  # fmt: skip
-@click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("runs/reproduce"),
+@click.option("--out", type=FOLDER, default=Path("runs/reproduce"),
               show_default=True, help="Holds the run directories; the same command goes on from there.")  # fmt: skip
-@click.option("--pages", type=click.Path(file_okay=False, path_type=Path), help="Where the page is written.  "
+@click.option("--pages", type=FOLDER, help="Where the page is written.  "
               "[default: OUT/pages]")  # fmt: skip
-@click.option("--truths", type=click.Path(file_okay=False, path_type=Path), help="Where ground truths accumulate.  "
+@click.option("--truths", type=FOLDER, help="Where ground truths accumulate.  "
               "[default: OUT/truths]")  # fmt: skip
 @click.option("--sumo", is_flag=True, help="Run every rollout in SUMO. Without it SUMO is left out where it can be, "
               "several times faster; one rollout in a hundred is run in both and compared bit for bit.")  # fmt: skip
-@click.option("--connect", multiple=True, help="Run on the fleet at this Zenoh endpoint (all of it in SUMO) instead of "
-              "local workers; once for each. For experiments that are runs alone.")  # fmt: skip
+@connect_option("Run experiments that are runs alone on the fleet at this Zenoh endpoint (all of it in SUMO) instead "
+                "of local workers")  # fmt: skip
 @zenoh_config_option()
 @workers_option()
 @seed_option()

@@ -12,7 +12,7 @@ from service.analysis.trace import record, write_table
 from service.errors import SimulationError
 from service.evaluation.job import Problem, make_job
 from service.front.cli.ego_options import ego_option
-from service.front.cli.options import json_option, measure_option, require_folder, seed_option
+from service.front.cli.options import FOLDER, json_option, measure_option, require_folder, seed_option
 from service.world import agents as A
 from service.world.safety.measure import with_measure
 from service.world.scenario import load_scenario
@@ -30,9 +30,7 @@ FILE = click.Path(dir_okay=False, path_type=Path)
 @measure_option()
 @seed_option()
 @click.option("--video", type=FILE, help="Film: from above and from the ego's camera (.mp4).")
-@click.option(
-    "--frames", type=click.Path(file_okay=False, path_type=Path), help="The film's pictures, into a folder."
-)
+@click.option("--frames", type=FOLDER, help="The film's pictures, into a folder.")
 @click.option("--trace", "table", type=FILE, help="Every vehicle at every step (.parquet).")
 @click.option("--fcd", type=FILE, help="SUMO's floating-car data (.xml).")
 @click.option(

@@ -11,7 +11,7 @@ import click
 from service.evaluation.cores import core_count
 from service.front.cli.api_options import ApiSettings, api_options, metrics_of
 from service.front.cli.dashboard import DEFAULT_ADDRESS, OFF, address_or_off
-from service.front.cli.options import zenoh_config_option
+from service.front.cli.options import FOLDER, zenoh_config_option
 
 if TYPE_CHECKING:
     from service.remote.fleet.supervised import SupervisedProcess
@@ -24,7 +24,7 @@ LOOPBACK = ("/127.", "/localhost:", "/[::1]")
 @click.command()
 @click.option("--listen", multiple=True, default=("tcp/127.0.0.1:7447",), show_default=True,
               help="Zenoh endpoint for workers and clients; once for each.")  # fmt: skip
-@click.option("--home", type=click.Path(file_okay=False, path_type=Path), default=Path("fleet"), show_default=True,
+@click.option("--home", type=FOLDER, default=Path("fleet"), show_default=True,
               help="Folder of the database.")  # fmt: skip
 @click.option("--store", "--database", "database", help="URL of the database, for PostgreSQL: "
               "postgresql+psycopg://USER@HOST/NAME.  [default: SQLite in --home]")  # fmt: skip

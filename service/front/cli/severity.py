@@ -3,20 +3,18 @@
 from pathlib import Path
 
 import click
-import msgspec
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from service.analysis.failures.events import ORDERS, Order
-from service.analysis.failures.examine import EXAMINED
-from service.analysis.run.bars import progress_bar
+from service.analysis.failures.events import Order
+from service.analysis.run.bars import counted
 from service.analysis.severity.objects import Injury, Likely, Severity
 from service.analysis.severity.severe import SPEEDS_MPS
 from service.analysis.wording import significant
 from service.errors import InputError
-from service.front.cli.options import json_option, workers_option
-from service.front.cli.runs import method_option, run_argument
+from service.front.cli.options import echo_json, json_option, workers_option
+from service.front.cli.runs import examine_option, method_option, order_option, run_argument
 from service.front.cli.tables import whole
 
 SHOWN = 8  # contacts in the table; --json has more
@@ -40,10 +38,8 @@ def _masses(given: tuple[str, ...]) -> dict[str, float]:
               show_default=True, help="Changes of the ego's velocity to give probabilities of, m/s.")  # fmt: skip
 @click.option("--mass", "masses", multiple=True, metavar="VEHICLE=KG",
               help="A vehicle's mass, in place of its class's.")  # fmt: skip
-@click.option("--by", "order", type=click.Choice(ORDERS), default="likelihood", show_default=True,
-              help="The order that ranks count in, as of `tailroad failures`.")  # fmt: skip
-@click.option("--examine", type=click.IntRange(1), default=EXAMINED, show_default=True,
-              help="Dangerous rollouts at most to run again.")  # fmt: skip
+@order_option()
+@examine_option("run again")
 @workers_option()
 @json_option()
 def command(
@@ -63,14 +59,10 @@ def command(
     """
     from service.analysis.run.verdicts import severity_of_run
 
-    with progress_bar() as bar:
-        task = bar.add_task("dangerous rollouts", total=None, note="")
-        found = severity_of_run(
-            run, method, speeds_mps, _masses(masses), order, examine, workers,
-            lambda done, total: bar.update(task, completed=done, total=total),
-        )  # fmt: skip
+    with counted("dangerous rollouts") as watch:
+        found = severity_of_run(run, method, speeds_mps, _masses(masses), order, examine, workers, watch)
     if as_json:
-        click.echo(msgspec.json.format(msgspec.json.encode(found), indent=2).decode())
+        echo_json(found)
     else:
         _print(found)
 

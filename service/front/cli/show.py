@@ -7,9 +7,9 @@ from rich.table import Table
 
 from service.analysis.wording import quantity, treatment
 from service.evaluation.summary import ContactKind, Ending
-from service.front.cli.client_options import client_options, echo_json
+from service.front.cli.client_options import client_options
 from service.front.cli.jobs import counted, status_text
-from service.front.cli.options import finite, json_option
+from service.front.cli.options import echo_json, finite, json_option
 from service.remote.api.objects import Estimate, Job
 from service.remote.client import Client
 

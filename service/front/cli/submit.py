@@ -4,8 +4,9 @@ from typing import Any
 
 import click
 
-from service.front.cli.client_options import client_options, echo_json
+from service.front.cli.client_options import client_options
 from service.front.cli.options import (
+    echo_json,
     finite,
     json_option,
     max_failed_option,

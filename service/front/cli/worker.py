@@ -10,15 +10,14 @@ from contextlib import suppress
 import click
 
 from service.evaluation.parent import end_with_parent
-from service.front.cli.options import zenoh_config_option
+from service.front.cli.options import connect_option, zenoh_config_option
 
 NAME_LETTERS = set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_")
 DRAIN_HINT = "finishing what is being run; once more to stop at once"
 
 
 @click.command()
-@click.option("--connect", multiple=True, default=("tcp/127.0.0.1:7447",), show_default=True,
-              help="Zenoh endpoint of the scheduler or a router; once for each.")  # fmt: skip
+@connect_option("Zenoh endpoint of the scheduler or a router", ("tcp/127.0.0.1:7447",))
 @click.option(
     "--procs", type=click.IntRange(1, 1024), help="Rollouts at a time.  [default: one for each core]"
 )

@@ -25,7 +25,10 @@ class Wrong(msgspec.Struct, frozen=True):
 
 
 class Problem(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Problem details as of RFC 9457. retry_after_s: the same request may succeed after so many seconds."""
+    """Problem details as of RFC 9457.
+
+    retry_after_s: the same request may succeed after so many seconds
+    """
 
     type: str
     title: str
@@ -37,8 +40,12 @@ class Problem(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Job(_Body, frozen=True):
-    """A job and how far it is. rollouts: in the record; leases: chunks that are out now; refusals: workers that cannot
-    run it, and why."""
+    """A job and how far it is.
+
+    rollouts: in the record
+    leases: chunks that are out now
+    refusals: workers that cannot run it, and why
+    """
 
     id: str
     number: int  # in the order of submission
@@ -65,14 +72,21 @@ class Job(_Body, frozen=True):
 
 
 class Jobs(_Body, frozen=True):
-    """A page of jobs. next: give it as `after` for the next page; null: this was the last."""
+    """A page of jobs.
+
+    next: give it as `after` for the next page; null: this was the last
+    """
 
     items: tuple[Job, ...]
     next: int | None
 
 
 class RunningChunk(_Body, frozen=True):
-    """A chunk that a worker has now. audit: another worker has run it before; for_s: since it was given."""
+    """A chunk that a worker has now.
+
+    audit: another worker has run it before
+    for_s: since it was given
+    """
 
     job: str
     phase: str
@@ -83,7 +97,10 @@ class RunningChunk(_Body, frozen=True):
 
 
 class Worker(_Body, frozen=True):
-    """A worker that is connected, or (quarantine: why) was found wrong. now: the chunks that it has."""
+    """A worker that is connected, or (quarantine: why) was found wrong.
+
+    now: the chunks that it has
+    """
 
     id: str
     procs: int
@@ -101,9 +118,13 @@ class Worker(_Body, frozen=True):
 
 
 class Tally(_Body, frozen=True):
-    """What became of chunks since the scheduler began. lost: taken back without an answer; copied: given to a second
-    worker because the first took long; audited: run again by another worker and judged; wrong: values that were not
-    the others'."""
+    """What became of chunks since the scheduler began.
+
+    lost: taken back without an answer
+    copied: given to a second worker because the first took long
+    audited: run again by another worker and judged
+    wrong: values that were not the others'
+    """
 
     lost: int
     copied: int
@@ -112,7 +133,10 @@ class Tally(_Body, frozen=True):
 
 
 class Workers(_Body, frozen=True):
-    """A page of workers. next: give it as `after` for the next page."""
+    """A page of workers.
+
+    next: give it as `after` for the next page
+    """
 
     items: tuple[Worker, ...]
     next: str | None
@@ -138,7 +162,10 @@ class Scenarios(_Body, frozen=True):
 
 
 class Ego(_Body, frozen=True):
-    """An ego that jobs may name. kind: built in, a class that the owner permits, or a service on the network."""
+    """An ego that jobs may name.
+
+    kind: built in, a class that the owner permits, or a service on the network
+    """
 
     name: str
     kind: Literal["built-in", "class", "service"]
@@ -232,10 +259,15 @@ class Events(_Body, frozen=True):
 
 
 class Rollouts(_Body, frozen=True):
-    """A page of the rollouts on record, as columns of the same length. row: of the batch (phase, iteration); f: null
-    where the rollout failed, for the reason in error; worker: who ran it; contact: how the ego and another vehicle
-    touched, null: they did not, or, where the outcome is "collision", it was not recorded; next: give it as `after` for
-    the next page, null: this was the last."""
+    """A page of the rollouts on record, as columns of the same length.
+
+    row: of the batch (phase, iteration)
+    f: null where the rollout failed, for the reason in error
+    worker: who ran it
+    contact: how the ego and another vehicle touched; null: they did not, or, where the outcome is "collision", it was
+        not recorded
+    next: give it as `after` for the next page, null: this was the last
+    """
 
     phase: tuple[str, ...]
     iteration: tuple[int, ...]
@@ -250,7 +282,11 @@ class Rollouts(_Body, frozen=True):
 
 
 class CameraPicture(_Body, frozen=True):
-    """What the ego's camera saw. state: its place among the states of the trace; jpeg: the picture, base64."""
+    """What the ego's camera saw.
+
+    state: its place among the states of the trace
+    jpeg: the picture, base64
+    """
 
     state: int
     time_s: float
@@ -258,9 +294,16 @@ class CameraPicture(_Body, frozen=True):
 
 
 class RolloutView(_Body, frozen=True):
-    """A rollout, run once more. f: on record; scenario: text of a scenario file that brings it back to the bit; trace:
-    columns of the state of every vehicle at every step; playback: what a player needs; camera: as many pictures as were
-    asked for. What was not asked for is null."""
+    """A rollout, run once more.
+
+    f: on record
+    scenario: text of a scenario file that brings it back to the bit
+    trace: columns of the state of every vehicle at every step
+    playback: what a player needs
+    camera: as many pictures as were asked for
+
+    What was not asked for is null.
+    """
 
     job: str
     phase: str
@@ -288,7 +331,10 @@ class Done(_Body, frozen=True):
 
 
 class Health(_Body, frozen=True):
-    """Whether the service can do its work. open_jobs: not over."""
+    """Whether the service can do its work.
+
+    open_jobs: not over
+    """
 
     status: Literal["ok"]
     tailroad: str
@@ -305,8 +351,11 @@ class Parameter(_Body, frozen=True):
 
 
 class Endpoint(_Body, frozen=True):
-    """A key, below tailroad/v1/. body, answer: names of schemas; media: the answer's media types, where it is a file
-    and not JSON (answer is null)."""
+    """A key, below tailroad/v1/.
+
+    body, answer: names of schemas
+    media: the answer's media types, where it is a file and not JSON (answer is null)
+    """
 
     key: str
     does: str

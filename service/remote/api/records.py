@@ -24,8 +24,11 @@ class Records:
         return job, self.fleet.mark(job)
 
     def record(self, state: State, gamma: float | None = None, outcome: str | None = None) -> JobRecord:
-        """The record; gamma: of the event f <= gamma instead of the job's own; outcome: of the event that a rollout
-        ends so."""
+        """The record.
+
+        gamma: of the event f <= gamma instead of the job's own
+        outcome: of the event that a rollout ends so
+        """
         key = state, gamma, outcome
         with self._lock:
             known = self._kept.get(key)

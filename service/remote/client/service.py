@@ -25,7 +25,10 @@ Order = Literal["likelihood", "weight", "f"]
 
 @dataclass(frozen=True)
 class RemoteProgress:
-    """How far a job is. rollouts: so far, at most `total`."""
+    """How far a job is.
+
+    rollouts: so far, at most `total`
+    """
 
     job: str
     rollouts: int
@@ -91,7 +94,10 @@ class Service(Closing):
     def compare(
         self, runs: Sequence["str | RemoteRun"], gamma: float | None = None, examine: int | None = None
     ) -> "RemoteCompared":
-        """Jobs of the service beside each other; gamma: one threshold for all."""
+        """Jobs of the service beside each other.
+
+        gamma: one threshold for all
+        """
         names = tuple(run if isinstance(run, str) else run.job for run in runs)
         return RemoteCompared(names, self.client.comparison(names, gamma, examine))
 
@@ -154,8 +160,10 @@ class RemoteRun:
         return pl.concat(pages)
 
     def failures(self, limit: int = 20, by: Order = "likelihood", outcome: str | None = None) -> Failures:
-        """How the ego fails: the failure modes, and the first `limit` dangerous rollouts in the order asked for;
-        outcome: those that ended so, instead of those with f <= gamma."""
+        """How the ego fails: the failure modes, and the first `limit` dangerous rollouts in the order asked for.
+
+        outcome: those that ended so, instead of those with f <= gamma
+        """
         return self.client.failures(self.job, limit, by, outcome)
 
     def replay(self, rank: int, by: Order = "likelihood", outcome: str | None = None) -> "RemoteReplay":

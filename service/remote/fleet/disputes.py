@@ -69,7 +69,10 @@ class Disputes:
         self._lifecycle.settle(job)
 
     def _confirm(self, audit: Audit, by: str = "") -> None:
-        """Write down that another identity than the one that counts came to the same bits. by: who, where known."""
+        """Write down that another identity than the one that counts came to the same bits.
+
+        by: who, where known
+        """
         mine = self._workers.identity(audit.counted)
         others = (name for name in audit.opinions if self._workers.identity(name) not in ("", mine))
         other = by or (next(others, "") if mine else "")

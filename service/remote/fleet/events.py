@@ -79,7 +79,11 @@ class Resumed:
 
 @dataclass(frozen=True)
 class Requested:
-    """A worker's message, to which it waits for a reply; chunk: of an Answer, checked; peer: whose connection it is."""
+    """A worker's message, to which it waits for a reply.
+
+    chunk: of an Answer, checked
+    peer: whose connection it is
+    """
 
     request: int
     message: Hello | Ask | Answer | Failed | Bye
@@ -98,8 +102,10 @@ class Garbled:
 
 @dataclass(frozen=True)
 class Settled:
-    """What this machine came to for a chunk that workers disagree on (answer to Settle). bits: of its own replay, None
-    where it cannot be run here, for this reason."""
+    """What this machine came to for a chunk that workers disagree on (answer to Settle).
+
+    bits: of its own replay, None where it cannot be run here, for this reason
+    """
 
     key: ChunkKey
     bits: bytes | None
@@ -213,7 +219,10 @@ class SetStatus:
 
 @dataclass(frozen=True)
 class Publish:
-    """Something about a job that whoever watches it wants to know; kept: for later, too."""
+    """Something about a job that whoever watches it wants to know.
+
+    kept: for later, too
+    """
 
     job: str
     kind: str
@@ -240,8 +249,10 @@ class Confirm:
 
 @dataclass(frozen=True)
 class Quarantine:
-    """Void what the worker did and nobody confirmed; answer with Voided. also: certificate and host that are refused
-    with it."""
+    """Void what the worker did and nobody confirmed; answer with Voided.
+
+    also: certificate and host that are refused with it
+    """
 
     worker: str
     reason: str

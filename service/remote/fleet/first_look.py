@@ -17,8 +17,13 @@ log = logging.getLogger("tailroad.hub")
 
 @dataclass(frozen=True)
 class Looked:
-    """What was found. chunks: that were read; jobs: that were read to their end; left: jobs that were not, for want of
-    time; damaged: what is wrong, a sentence for each job."""
+    """What was found.
+
+    chunks: that were read
+    jobs: that were read to their end
+    left: jobs that were not, for want of time
+    damaged: what is wrong, a sentence for each job
+    """
 
     chunks: int
     jobs: int

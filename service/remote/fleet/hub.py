@@ -1,7 +1,6 @@
 """The hub: one thread that feeds the scheduler what happens and carries out what it answers.
 
-Answers are recorded in groups, one transaction for all that came in together. Where the database takes nothing (a full
-disk, a lock), what it was to take waits here in order, and the scheduler deals out nothing until all of it is taken.
+Answers are recorded in groups, one transaction for all that came in together (`service.remote.fleet.writes`).
 """
 
 import logging
@@ -9,15 +8,14 @@ import queue
 import secrets
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from service.errors import StoreError, StoreOutage, Superseded, TailroadError
-from service.evaluation.store.jobs import OPEN, Event, JobRow, JobStore, taken_up_again
+from service.errors import StoreError, StoreOutage, TailroadError
+from service.evaluation.store.jobs import Event, JobRow, JobStore
 from service.remote.fleet import events as E
 from service.remote.fleet.answers import chunk_of
 from service.remote.fleet.elapsed import Elapsed
@@ -32,7 +30,7 @@ from service.remote.fleet.messages import (
     decode_request,
     encode,
 )
-from service.remote.fleet.outage import RETRY_S, while_out
+from service.remote.fleet.outage import while_out
 from service.remote.fleet.peers import NOBODY, Peer
 from service.remote.fleet.policy import STANDARD, Policy
 from service.remote.fleet.referee import Referee
@@ -40,6 +38,7 @@ from service.remote.fleet.scheduler import Scheduler
 from service.remote.fleet.statistics import Statistics, Stopping
 from service.remote.fleet.stock import held_bytes_of, take_stock
 from service.remote.fleet.versions import digests, versions
+from service.remote.fleet.writes import Writes
 from service.world.egos.open import REMOTE
 
 TICK_S = 0.25
@@ -70,8 +69,11 @@ class Hub:
         on_death: Callable[[], None] = lambda: None,
         referee: Referee | None = None,
     ):
-        """Make a hub that waits for `start`; on_death: called where its thread ends by an error that nobody foresaw;
-        referee: who settles disputes, in place of a process of this machine."""
+        """Make a hub that waits for `start`.
+
+        on_death: called where its thread ends by an error that nobody foresaw
+        referee: who settles disputes, in place of a process of this machine
+        """
         self.store = store
         self.statistics = Statistics(store)
         self._time = Elapsed(clock)
@@ -82,8 +84,7 @@ class Hub:
         self._requests: dict[int, Callable[[bytes], None]] = {}
         self._last_request = 0
         self._request_lock = threading.Lock()
-        self._writes: deque[E.Instruction] = deque()
-        self._trouble_until: float | None = None
+        self._writes = Writes(store, self._time.now, self._handle, self._publish, self._over, self.take_up)
         self._listeners: list[Callable[[Event], None]] = []
         self._pool = ThreadPoolExecutor(statistics_threads, thread_name_prefix="statistics")
         self._thread = threading.Thread(target=self._run, name="hub")
@@ -217,7 +218,7 @@ class Hub:
             if not self._stopping and self._time.now() >= next_tick:
                 next_tick = self._time.now() + TICK_S
                 self._handle(E.Tick())
-            self._write()
+            self._writes.carry_out()
 
     def _collect(self) -> list[E.Event | _Call | None]:
         found: list[E.Event | _Call | None] = []
@@ -257,7 +258,7 @@ class Hub:
             case E.Publish(kept=False):
                 self._publish(Event(instruction.job, 0, instruction.kind, instruction.body, ""))
             case _:
-                self._writes.append(instruction)
+                self._writes.add(instruction)
 
     def _publish(self, event: Event) -> None:
         for listener in self._listeners:
@@ -267,29 +268,25 @@ class Hub:
 
     def _open(self, instruction: E.Open) -> None:
         job, generation = instruction.job, instruction.generation
-        if not self._is_open(job):
-            return
-        try:
-            epoch, replay = while_out(lambda: self.statistics.open(job), lambda: self._stopping)
-        except (Stopping, StoreOutage):  # it stops
-            return
-        except Exception as error:  # whatever it is, it is the job's end and nobody else's
-            log.exception("job %s cannot be opened", job)
-            self.post(E.Broken(job, generation, f"{type(error).__name__}: {error}"))
-            return
-        self.post(E.Opened(job, generation, epoch, replay))
+        if self._is_open(job) and (found := self._come_to(instruction, lambda: self.statistics.open(job))):
+            self.post(E.Opened(job, generation, *found))
 
     def _step(self, instruction: E.Step) -> None:
         job, generation = instruction.job, instruction.generation
+        replay = self._come_to(instruction, lambda: self.statistics.step(job, instruction.step))
+        if replay is not None:
+            self.post(E.Stepped(job, generation, replay))
+
+    def _come_to(self, instruction: E.Open | E.Step, run: Callable[[], T]) -> T | None:
+        """What the statistics of a job come to; None where the hub stops, and where they fail, which ends the job."""
         try:
-            replay = while_out(lambda: self.statistics.step(job, instruction.step), lambda: self._stopping)
+            return while_out(run, lambda: self._stopping)
         except (Stopping, StoreOutage):  # it stops
-            return
-        except Exception as error:  # as above
-            log.exception("job %s cannot go on", job)
-            self.post(E.Broken(job, generation, f"{type(error).__name__}: {error}"))
-            return
-        self.post(E.Stepped(job, generation, replay))
+            return None
+        except Exception as error:  # whatever it is, it is the job's end and nobody else's
+            log.exception("job %s: %s failed", instruction.job, type(instruction).__name__)
+            self.post(E.Broken(instruction.job, instruction.generation, f"{type(error).__name__}: {error}"))
+            return None
 
     def _settle(self, instruction: E.Settle) -> None:
         key = instruction.key
@@ -305,6 +302,11 @@ class Hub:
         else:
             self.post(E.Settled(key, found.fingerprint()))
 
+    def _over(self, job: str, status: str) -> None:
+        self.statistics.end(job)
+        if status == "done" and not self._stopping:
+            self._pool.submit(self._keep, job)
+
     def _keep(self, job: str) -> None:
         try:
             self.statistics.keep(job)
@@ -316,87 +318,3 @@ class Hub:
             self.statistics.heal()
         except Exception:  # states without a checksum are not used, with or without this
             log.exception("the kept states of earlier jobs are not checked")
-
-    # -- the database ----------------------------------------------------------------------------------------
-
-    def _write(self) -> None:
-        """Carry out what waits for the database, in order."""
-        if self._trouble_until is not None and self._time.now() < self._trouble_until:
-            return
-        try:
-            while self._writes:
-                self._write_next()
-        except Superseded:
-            raise  # this scheduler ends
-        except StoreError as error:
-            log.error("%s; trying again", error)
-            if self._trouble_until is None:
-                self._handle(E.StoreTrouble(str(error)))
-            self._trouble_until = self._time.now() + RETRY_S
-            return
-        if self._trouble_until is not None:
-            self._trouble_until = None
-            self._handle(E.StoreWell())
-
-    def _write_next(self) -> None:
-        match self._writes[0]:
-            case E.Record():
-                self._write_records()
-            case E.SetStatus() as status:
-                self._write_status(status)
-            case E.Publish() as news:
-                event = self.store.add_event(news.job, news.kind, news.body)
-                self._written()
-                self._publish(event)
-            case E.Note() as note:
-                self.store.add_iterations(note.job, note.epoch, note.first, list(note.records))
-                self._written()
-            case E.Confirm(audit):
-                self.store.add_audits([audit])
-                self._written()
-            case E.Quarantine() as wrong:
-                self._write_quarantine(wrong)
-            case other:
-                raise TypeError(f"{other!r} is nothing for the database")
-
-    def _write_records(self) -> None:
-        """All chunks that wait one after the other, in one transaction."""
-        group: list[E.Record] = []
-        for instruction in self._writes:
-            if not isinstance(instruction, E.Record) or len(group) == GROUP:
-                break
-            group.append(instruction)
-        self.store.append((r.job, r.phase, r.iteration, r.chunk, r.origin) for r in group)
-        self._written(len(group))
-        self._handle(E.Recorded(tuple(r.ticket for r in group)))
-
-    def _write_status(self, instruction: E.SetStatus) -> None:
-        job, status = instruction.job, instruction.status
-        event = self.store.add_event(job, "status", {"status": status, "reason": instruction.reason})
-        self._written()
-        self._publish(event)
-        if status not in OPEN:
-            self.statistics.end(job)
-            if status == "done" and not self._stopping:
-                self._pool.submit(self._keep, job)
-
-    def _write_quarantine(self, instruction: E.Quarantine) -> None:
-        worker, reason = instruction.worker, instruction.reason
-        jobs = self.store.quarantine(worker, reason, instruction.also)
-        self._written()
-        log.warning("worker %s is in quarantine: %s", worker, reason)
-        self._handle(E.Voided(worker, tuple(jobs)))
-        self._reopen(jobs, worker)
-
-    def _written(self, count: int = 1) -> None:
-        for _ in range(count):
-            self._writes.popleft()
-
-    def _reopen(self, jobs: list[str], worker: str) -> None:
-        """Jobs that were done with rollouts of a worker found wrong since, and that the database has running again, are
-        taken up."""
-        for name in jobs:
-            row = self.store.job(name)
-            if row is not None and (row.status, row.reason) == ("running", taken_up_again(worker)):
-                self._publish(self.store.events(name, limit=2**31 - 1)[-1])
-                self.take_up(row)

@@ -105,7 +105,10 @@ class JobLifecycle:
             self._assignment.assign()
 
     def fails(self, job: JobState, at_end: bool = False) -> bool:
-        """End a job of which too many rollouts failed; whether it is one. at_end: it has no more of them."""
+        """End a job of which too many rollouts failed; whether it is one.
+
+        at_end: it has no more of them
+        """
         why = job.failed_too_often(at_end)
         if why:
             self.close(job, "failed", why)

@@ -173,7 +173,10 @@ class JobState:
         )
 
     def count(self, rollouts: int, failed: int, told: Sequence[str]) -> None:
-        """Add rollouts that are in the record; told: what the failed ones said."""
+        """Add rollouts that are in the record.
+
+        told: what the failed ones said
+        """
         self.rollouts += rollouts
         self.failed += failed
         self.first_failures += told[: SHOWN - len(self.first_failures)]

@@ -23,7 +23,10 @@ class Leases:
         self._tickets = state.tickets
 
     def leave(self, name: str, lost: int) -> None:
-        """A worker is here no more: its leases end; lost: how often its chunks count as lost by that."""
+        """A worker is here no more: its leases end.
+
+        lost: how often its chunks count as lost by that
+        """
         for lease in sorted(self._workers.here[name].leases):
             self.take_back(lease, lost, f"worker {name} was lost")
         for slot in [s for s in self._workers.waiting if s[0] == name]:
@@ -65,7 +68,10 @@ class Leases:
             self.record(job, held.key, failed_chunk(rows.start, rows.stop, why), "", None)
 
     def record(self, job: JobState, key: ChunkKey, chunk: Chunk, worker: str, request: int | None) -> None:
-        """Have a chunk that is out recorded; request: of the worker that waits to hear of it."""
+        """Have a chunk that is out recorded.
+
+        request: of the worker that waits to hear of it
+        """
         span = (key.start, key.stop)
         del job.flights[span]
         job.answers[span] = (chunk.fingerprint(), worker)

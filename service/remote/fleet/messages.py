@@ -60,7 +60,10 @@ class GetJob(_Message, frozen=True, tag="get-job"):
 
 
 class ChunkKey(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Rows [start, stop) of a batch; digest: of their x and noise seeds."""
+    """Rows [start, stop) of a batch.
+
+    digest: of their x and noise seeds
+    """
 
     job: str
     phase: str
@@ -71,8 +74,11 @@ class ChunkKey(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Answer(_Message, frozen=True, tag="answer"):
-    """The rollouts of a chunk: f float64, outcomes uint8, steps int32, little-endian; errors by row of the chunk;
-    in_sumo: how many of them SUMO has driven; contacts: by row of the chunk, of those that ended in one."""
+    """The rollouts of a chunk: f float64, outcomes uint8, steps int32, little-endian; errors by row of the chunk.
+
+    in_sumo: how many of them SUMO has driven
+    contacts: by row of the chunk, of those that ended in one
+    """
 
     worker: str
     lease: int

@@ -41,7 +41,11 @@ WITHHELD = {
 
 
 class JobView(msgspec.Struct, frozen=True):
-    """A job and how far it is. rollouts: in the record; planned: at most; leases: chunks that are out now."""
+    """A job and how far it is.
+
+    rollouts: in the record; planned: at most
+    leases: chunks that are out now
+    """
 
     id: str
     number: int
@@ -68,7 +72,11 @@ class JobView(msgspec.Struct, frozen=True):
 
 
 class Doing(msgspec.Struct, frozen=True):
-    """A chunk that a worker has now. audit: another worker has run it before; for_s: since it was given."""
+    """A chunk that a worker has now.
+
+    audit: another worker has run it before
+    for_s: since it was given
+    """
 
     job: str
     phase: str
@@ -217,8 +225,11 @@ class Fleet:
 
     def record(self, job: str, gamma: float | None = None, outcome: str | None = None) -> JobRecord:
         """The job's whole record, replayed: failures, dangerous rollouts, the seeds that bring a rollout back. It reads
-        everything; keep it rather than ask again. gamma: of the event f <= gamma instead of the job's own; outcome: of
-        the event that a rollout ends so."""
+        everything; keep it rather than ask again.
+
+        gamma: of the event f <= gamma instead of the job's own
+        outcome: of the event that a rollout ends so
+        """
         return replay(self.reader(job), self._row(job).job, gamma, outcome)
 
     def reader(self, job: str) -> JobReader:

@@ -52,7 +52,8 @@ def client_session(
     """A client's session, connected to one of the endpoints.
 
     wait_s: until one is there, SessionError after that; NotAdmitted as soon as somebody is there who refuses it. None:
-        as long as it takes, whatever is in the way; report: told once what that is.
+        as long as it takes, whatever is in the way
+    report: told once what that is
     """
     until, told = None if wait_s is None else time.monotonic() + wait_s, False
     while True:

@@ -21,7 +21,10 @@ log = logging.getLogger("tailroad.hub")
 
 def take_stock(store: JobStore, here: Software | None = None) -> list[JobRow]:
     """The jobs to be taken up, after the others are given their statuses, each with a line in the log; StoreError where
-    the database cannot be read. here: in place of this installation's software."""
+    the database cannot be read.
+
+    here: in place of this installation's software
+    """
     present, begun = here or software(), store.beginnings.all()
     missing = store.chunks.missing()
     found = []

@@ -62,8 +62,13 @@ class Settings(msgspec.Struct, frozen=True):
 
 
 class Chunk(msgspec.Struct, frozen=True):
-    """What `CHUNK` rollouts came to. tallies: (2, TALLIES); events: rows of `watching`, the rollout's number before
-    them; outcomes: how many ended how; in_sumo: how many were run in SUMO too, with the same bits."""
+    """What `CHUNK` rollouts came to.
+
+    tallies: (2, TALLIES)
+    events: rows of `watching`, the rollout's number before them
+    outcomes: how many ended how
+    in_sumo: how many were run in SUMO too, with the same bits
+    """
 
     key: str
     number: int

@@ -8,17 +8,17 @@ from policies.egos import load_ego
 from policies.egos.compiled import IDM, act
 from policies.egos.lidar import LidarEgo
 from policies.jit import kernel
-from policies.layout import OUTPUTS
+from policies.layout import BEAMS, OUTPUTS
 from service.errors import InputError
 from service.studies.human.watching import EVENT, nothing_yet, watch
 from service.world.scenario.schema import Scenario
 from service.world.sim import minds as M
 from service.world.sim import step
-from service.world.sim.human import advance_human, traits_of
+from service.world.sim.human import advance_vehicles
 from service.world.sim.road import road_of
 from service.world.sim.rollout import Draw
-from service.world.sim.step import advance_all, observe
-from service.world.sim.world import DriverNetwork, World
+from service.world.sim.step import observe
+from service.world.sim.world import World
 from sumo_nets.corridor import Corridor
 
 MOST_EVENTS = 64  # contacts and near-crashes of one way to go on, that are kept
@@ -55,16 +55,10 @@ def drive_and_watch(
             if halting:
                 agents_before[:] = agents
                 minds_before[:] = minds
-            if traits.shape[0] > 0:
-                advance_human(
-                    agents, n, n, ego, acceleration, turn_rate, observations, w1, b1, w2, b2, head, scale, noise[k],
-                    dt_s, reference, lanes, spacing_m, minds, traits, poses,
-                )  # fmt: skip
-            else:
-                advance_all(
-                    agents, n, ego, acceleration, turn_rate, observations, w1, b1, w2, b2, head, scale, noise[k], dt_s,
-                    lanes.shape[1], poses,
-                )  # fmt: skip
+            advance_vehicles(
+                agents, n, n, ego, acceleration, turn_rate, observations, w1, b1, w2, b2, head, scale, noise[k],
+                dt_s, reference, lanes, spacing_m, minds, traits, poses,
+            )  # fmt: skip
             if halting:
                 for i in range(n):
                     if minds[i, M.RESISTED] != minds_before[i, M.RESISTED]:
@@ -82,16 +76,9 @@ class Counter:
         """InputError where the scenario has background traffic, whose vehicles nobody counts."""
         if scenario.background is not None:
             raise InputError(f"scenario {scenario.name} has background traffic; rates are counted without it")
-        net = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
         self.dt_s = scenario.time.step_s
-        self.world = world = World(
-            road_of(corridor),
-            net,
-            len(scenario.vehicles),
-            scenario.ego,
-            self.dt_s,
-            traits=traits_of(scenario),
-        )
+        self.world = world = World.of(scenario, road_of(corridor), drivers, rays=BEAMS)
+        net = world.network
         self._draw = Draw(scenario)
         policy = load_ego(ego)
         own = (net.w1, net.b1, net.w2, net.b2, drivers.mu0.astype(np.float32), net.action_scale)
@@ -124,7 +111,10 @@ class Counter:
         self, tallies: np.ndarray, events: np.ndarray, found: int, status: int, k: int, stop: int | None = None,
         moved: bool = False, halting: bool = False,
     ) -> tuple[int, int, int, bool]:  # fmt: skip
-        """`drive_and_watch` from the present state; stop: default, the horizon."""
+        """`drive_and_watch` from the present state.
+
+        stop: default, the horizon
+        """
         last = self.happens.shape[0]
         return drive_and_watch(
             *self._who, self.happens, *self._where, *self.memory, tallies, events, found, status, k,

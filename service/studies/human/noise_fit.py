@@ -115,9 +115,15 @@ def driven(scenario: Scenario, rollouts: int, seed: int = 1) -> Movement:
     """Of the environment vehicles of that many rollouts after SETTLE_S, smoothed as the recordings are; the ego is the
     intelligent driver."""
     drivers = load_drivers(scenario.drivers.weights)
-    net = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
     road = road_of(load_corridor(scenario.network.road))
-    world = World(road, net, len(scenario.vehicles), scenario.ego, DT_S, traits=traits_of(scenario))
+    world = World(
+        road,
+        DriverNetwork.of(drivers),
+        len(scenario.vehicles),
+        scenario.ego,
+        DT_S,
+        traits=traits_of(scenario),
+    )
     draw = Draw(scenario)
     x, seeds = ce.draw(base_distribution(scenario, drivers), seed, "estimate", 0, 0, rollouts)
     tracks, first = [], round(SETTLE_S / DT_S)

@@ -11,7 +11,13 @@ KM_PER_MILE = 1.609344
 
 
 class Published(NamedTuple):
-    """per_million_km: lowest and highest, the same where one number is published; unit: of what it counts."""
+    """A published rate.
+
+    name: what it counts, and where
+    unit: what one of it is
+    per_million_km: lowest and highest, per million vehicle-km; the same where one number is published
+    source: who published it, and the figures that it is made of
+    """
 
     name: str
     unit: Literal["crashes", "involvements", "near-crashes"]

@@ -44,8 +44,12 @@ OF_A_PAIR = 5
 
 
 class Memory(NamedTuple):
-    """pairs: (n, n, OF_A_PAIR), i < j; hurt: (n,), 1 once a vehicle has been in contact with any; history: (moments, n)
-    offsets in m, the last SAME_LANE_S."""
+    """What is remembered of n vehicles from one moment to the next.
+
+    pairs: (n, n, OF_A_PAIR), i < j
+    hurt: (n,), 1 once a vehicle has been in contact with any
+    history: (moments, n), offsets in m of the last SAME_LANE_S
+    """
 
     pairs: np.ndarray
     hurt: np.ndarray

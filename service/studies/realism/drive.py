@@ -169,7 +169,10 @@ def drive_scene(
     model: Model, scene: Scene, road: Road, first: int, steps: int, who: np.ndarray, head: np.ndarray | None,
     rng: np.random.Generator,
 ) -> Driven:  # fmt: skip
-    """Columns `who` of `scene` driven by `model` from row `first` on for `steps`; head (404,): of a network."""
+    """Columns `who` of `scene` driven by `model` from row `first` on for `steps`.
+
+    head (404,): of a network
+    """
     rows = slice(first, first + steps + 1)
     others = np.flatnonzero(scene.present[rows].any(axis=0))
     others = others[~np.isin(others, who)]

@@ -50,7 +50,10 @@ class SumoTraffic:
     def add(
         self, name: str, length: float, width: float, lane: int, station: float, speed: float, placed: bool
     ) -> None:
-        """A vehicle whose centre is at `station` (m) in `lane` (0 = leftmost); placed: it only goes where it is put."""
+        """A vehicle whose centre is at `station` (m) in `lane` (0 = leftmost).
+
+        placed: it only goes where it is put
+        """
         kind = f"{'placed' if placed else 'free'}-{length:.2f}-{width:.2f}-{lane == 0}"
         if kind not in self._sumo.vehicletype.getIDList():
             self._sumo.vehicletype.copy("DEFAULT_VEHTYPE", kind)

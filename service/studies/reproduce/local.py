@@ -52,7 +52,11 @@ def run_as_job(run: Run) -> Job:
 
 
 def carry_out(plan: Plan, out: Path, truths: Path, workers: int, sumo: bool, watch: Watch) -> Outcome:
-    """Run what is missing of the plan. out: holds the run directories; truths: the ground truths."""
+    """Run what is missing of the plan.
+
+    out: holds the run directories
+    truths: the ground truths
+    """
     sumo = sumo or not can_leave_out_sumo(load_scenario(plan.truth.scenario), plan.truth.ego)
     open_world = in_sumo if sumo else compiled
     truth = accumulate(plan.truth, truth_path(plan.truth, truths), workers, open_world, watch)

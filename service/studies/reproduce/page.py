@@ -53,7 +53,10 @@ def write_page(page: Page, folder: Path) -> Path:
 
 
 def made_by(command: str, goes_on: bool = True) -> str:
-    """The sentence that every page begins with; goes_on: an interrupted run is continued by the same command."""
+    """The sentence that every page begins with.
+
+    goes_on: an interrupted run is continued by the same command
+    """
     return f"Made by `{command}`, numbers and pictures alike." + (
         " Interrupted, the same command goes on." if goes_on else ""
     )

@@ -13,7 +13,10 @@ from service.studies.reproduce.plans import Run
 
 
 class Reading(msgspec.Struct, frozen=True, kw_only=True):
-    """The estimate at one threshold. variance_error: relative standard error of std_error squared."""
+    """The estimate at one threshold.
+
+    variance_error: relative standard error of std_error squared
+    """
 
     gamma: float
     p: float | None
@@ -53,7 +56,10 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
 def result_of(
     run: Run, estimate: ce.Estimate, gammas: tuple[float, ...], cost: dict[str, float], tailroad: str
 ) -> Result:
-    """The result of a finished run; cost: worker_s, sim_s, wall_s."""
+    """The result of a finished run.
+
+    cost: worker_s, sim_s, wall_s
+    """
     curve = estimate.curve(gammas)
     readings = tuple(
         Reading(

@@ -43,7 +43,10 @@ SIZES = {
 
 
 def scale_page(scale: str, cores: int, command: str, tell: Callable[[str], None]) -> Page:
-    """Measure and play; tell: told what begins."""
+    """Measure and play.
+
+    tell: told what begins
+    """
     size = SIZES[scale]
     scenario = load_scenario(SCENARIO)
     tell(f"timing {size.measured} rollouts in SUMO")

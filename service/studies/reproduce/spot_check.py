@@ -38,7 +38,10 @@ def chosen_rows(kept: Kept, rollouts: int) -> np.ndarray:
 
 
 def differing_rows(kept: Kept, job: Job, rows: np.ndarray, within: float) -> list[str]:
-    """Which of the rows come to something else today, and to what; within: how far f may be off."""
+    """Which of the rows come to something else today, and to what.
+
+    within: how far f may be off
+    """
     problem = Problem(job)
     world: RolloutWorld
     if can_leave_out_sumo(job.scenario, job.ego):

@@ -44,7 +44,10 @@ class Ran(msgspec.Struct, kw_only=True):
 
 
 class Kept(NamedTuple):
-    """What a ground truth's file holds. rows, f, outcomes: (n,), of the rollouts that are kept, by row."""
+    """What a ground truth's file holds.
+
+    rows, f, outcomes: (n,), of the rollouts that are kept, by row
+    """
 
     ran: Ran
     rows: np.ndarray

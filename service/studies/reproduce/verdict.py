@@ -27,7 +27,10 @@ SHARES = {"smoke": 0.0003, "small": 0.003, "medium": 0.03, "large": 0.3, "paper"
 
 
 class Judged(msgspec.Struct, frozen=True, kw_only=True):
-    """What an ego's run came to. seconds: of workers."""
+    """What an ego's run came to.
+
+    seconds: of workers
+    """
 
     ego: str
     rollouts: int

@@ -31,7 +31,10 @@ JPEG_QUALITY = 95
 def observation_of(
     worker: str, rollout: str, step: int, seen: Observation, spacing_m: float
 ) -> pb.Observation:
-    """The message of one observation, without picture and route. spacing_m: between stations of the road."""
+    """The message of one observation, without picture and route.
+
+    spacing_m: between stations of the road
+    """
     row, v = seen.row, seen.vector.tolist()
     if row is None:
         raise EgoError(

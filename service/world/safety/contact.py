@@ -81,7 +81,10 @@ def contact_of(agents: np.ndarray, count: int, ego: int) -> Contact | None:
 
 
 def _striking(a: np.ndarray, b: np.ndarray, ego_side: Side, other_side: Side, normal: np.ndarray) -> Who:
-    """Who ran into the other; normal: the direction from ego to other in which they met."""
+    """Who ran into the other.
+
+    normal: the direction from ego to other in which they met
+    """
     if (ego_side == "front") != (other_side == "front"):
         return "ego" if ego_side == "front" else "other"
     road = a[A.HEADING_RAD] - a[A.LANE_HEADING_RAD]
@@ -152,7 +155,10 @@ def _meeting_point(a: np.ndarray, b: np.ndarray, normal: np.ndarray, back_s: flo
 
 
 def _where(agent: np.ndarray, out: np.ndarray, point: np.ndarray) -> tuple[Side, Part]:
-    """Side and part of it, of a point relative to the box's centre; out: the direction of the other vehicle."""
+    """Side and part of it, of a point relative to the box's centre.
+
+    out: the direction of the other vehicle
+    """
     ahead, left = _axes(agent)
     along, across = float(out @ ahead), float(out @ left)
     if abs(along) >= abs(across):

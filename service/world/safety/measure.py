@@ -37,7 +37,10 @@ class Monitor(Protocol):
         """A new rollout begins."""
 
     def see(self, agents: np.ndarray, count: int, ttc_s: float) -> None:
-        """The next state of the world; ttc_s: the ego's time to collision by rays in it."""
+        """The next state of the world.
+
+        ttc_s: the ego's time to collision by rays in it
+        """
 
     def value(self) -> float:
         """f of the rollout so far."""

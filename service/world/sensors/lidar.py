@@ -23,29 +23,24 @@ def beam_directions(beams: int) -> np.ndarray:
 
 
 @kernel
+def _crossing(d: float, c: float, half: float) -> tuple[float, float]:
+    """Distances along a ray between which one of its coordinates, from 0 at rate d, lies in [c - half, c + half]."""
+    if abs(d) < PARALLEL:
+        return (math.inf, -math.inf) if abs(c) > half else (-math.inf, math.inf)
+    a, b = (c - half) / d, (c + half) / d
+    return min(a, b), max(a, b)
+
+
+@kernel
 def ray_box(dx: float, dy: float, cx: float, cy: float, half_length: float, half_width: float) -> float:
     """Distance along the unit ray (dx, dy) to a box, both in the box's own axes; inf where it misses.
 
     (cx, cy) is the box's centre seen from the ray's origin. An origin inside the box has distance 0.
     """
-    near = 0.0
-    far = math.inf
-    if abs(dx) < PARALLEL:
-        if abs(cx) > half_length:
-            return math.inf
-    else:
-        a = (cx - half_length) / dx
-        b = (cx + half_length) / dx
-        near = max(near, min(a, b))
-        far = min(far, max(a, b))
-    if abs(dy) < PARALLEL:
-        if abs(cy) > half_width:
-            return math.inf
-    else:
-        a = (cy - half_width) / dy
-        b = (cy + half_width) / dy
-        near = max(near, min(a, b))
-        far = min(far, max(a, b))
+    enters, leaves = _crossing(dx, cx, half_length)
+    near, far = max(0.0, enters), leaves
+    enters, leaves = _crossing(dy, cy, half_width)
+    near, far = max(near, enters), min(far, leaves)
     if near > far:
         return math.inf
     return near

@@ -13,9 +13,8 @@ from service.world.scenario.noise import Noise
 from service.world.sim.rollout import Rollout, Simulator
 from service.world.sim.without_sumo import WithoutSumo
 
-EVERY = (
-    100  # of the rollouts that are no event, one of so many, chosen by its noise seed, is driven in SUMO too
-)
+# Of the rollouts that are no event, one of so many, chosen by its noise seed, is driven in SUMO too.
+EVERY = 100
 EVENTS = 4  # of the events in a chunk, the first so many are all driven in SUMO
 EVERY_EVENT = 10  # of its further events, one of so many, chosen by its noise seed
 
@@ -28,7 +27,12 @@ class Audited(Closing):
     """
 
     def __init__(self, alone: WithoutSumo, open_simulator: Callable[[], Simulator], gamma: float):
-        """open_simulator: opens SUMO's world, when it is first needed; gamma: threshold of the event f <= gamma."""
+        """Begin with no rollout.
+
+        alone: runs every rollout, without SUMO
+        open_simulator: opens SUMO's world, when it is first needed
+        gamma: threshold of the event f <= gamma, in the measure's unit
+        """
         self._alone, self._open, self._gamma = alone, open_simulator, gamma
         self._simulator: Simulator | None = None
         self._events = 0

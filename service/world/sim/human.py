@@ -16,7 +16,7 @@ from service.world.sim import latent as L
 from service.world.sim import minds as M
 from service.world.sim.dynamics import advance
 from service.world.sim.projection import locate
-from service.world.sim.step import TAKEOVER_SPEED_MPS, write_poses
+from service.world.sim.step import TAKEOVER_SPEED_MPS, advance_all, write_poses
 
 BUSY_MPS = 0.35  # lateral speed above which nobody begins to look away: a lane change is under way
 
@@ -128,3 +128,27 @@ def advance_human(
                 mind[M.HELD_MPS2] = acceleration
         advance(agent, acceleration, turn_rate, dt_s, False)
     write_poses(agents, controlled, lanes.shape[1], poses)
+
+
+@kernel
+def advance_vehicles(
+    agents: np.ndarray, controlled: int, count: int, ego: int, ego_acceleration_mps2: float, ego_turn_rate_radps: float,
+    observations: np.ndarray, w1: np.ndarray, b1: np.ndarray, w2: np.ndarray, b2: np.ndarray, head: np.ndarray,
+    action_scale: np.ndarray, happens: np.ndarray, dt_s: float, reference: np.ndarray, lanes: np.ndarray,
+    spacing_m: float, minds: np.ndarray, traits: np.ndarray, poses: np.ndarray,
+) -> None:  # fmt: skip
+    """Move every active controlled vehicle by one step: the drivers as people do, or by their network alone.
+
+    traits: see `traits_of`; without any, `happens` is the `action_noise` of `service.world.sim.step.advance_all`; the
+    rest as `advance_human` has it
+    """
+    if traits.shape[0] > 0:
+        advance_human(
+            agents, controlled, count, ego, ego_acceleration_mps2, ego_turn_rate_radps, observations, w1, b1, w2, b2,
+            head, action_scale, happens, dt_s, reference, lanes, spacing_m, minds, traits, poses,
+        )  # fmt: skip
+    else:
+        advance_all(
+            agents, controlled, ego, ego_acceleration_mps2, ego_turn_rate_radps, observations, w1, b1, w2, b2, head,
+            action_scale, happens, dt_s, lanes.shape[1], poses,
+        )  # fmt: skip

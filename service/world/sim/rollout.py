@@ -20,14 +20,13 @@ from service.world.scenario.causes import REACTION_S
 from service.world.scenario.noise import Noise, PathNoise
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
-from service.world.sim.human import traits_of
 from service.world.sim.interrupts import is_users, listen, signals_seen
 from service.world.sim.latent import Latent
 from service.world.sim.road import road_of
 from service.world.sim.streams import normals_of
 from service.world.sim.sumo import SumoSession
 from service.world.sim.sumo_background import BackgroundTraffic
-from service.world.sim.world import DriverNetwork, World, action_noise
+from service.world.sim.world import World, action_noise
 from sumo_nets.corridor import Corridor
 
 OUTCOMES = {
@@ -158,18 +157,9 @@ class Simulator:
         self._ego = ego
         self._steps = scenario.steps
         self._dt_s = scenario.time.step_s
-        network = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
         background = scenario.background
-        self._world = World(
-            road_of(corridor),
-            network,
-            len(scenario.vehicles),
-            scenario.ego,
-            self._dt_s,
-            rays=scenario.safety.rays,
-            background_rows=BACKGROUND_ROWS if background else 0,
-            traits=traits_of(scenario),
-        )
+        rows = BACKGROUND_ROWS if background else 0
+        self._world = World.of(scenario, road_of(corridor), drivers, background_rows=rows)
         self._draw = Draw(scenario)
         self._open_camera = open_camera or (lambda: _onboard(scenario, corridor))
         self._camera: FrameSource | None = None

@@ -9,8 +9,8 @@ from policies.jit import kernel
 from policies.layout import OUTPUTS
 from service.world.safety.impact import time_or_impact
 from service.world.sim import step
-from service.world.sim.human import advance_human
-from service.world.sim.step import advance_all, observe
+from service.world.sim.human import advance_vehicles
+from service.world.sim.step import observe
 
 RAYS, IMPACT = 0, 1  # compiled measures
 
@@ -42,16 +42,10 @@ def drive_on(
         a, w = act(ego_kind, observations[ego], ego_w1, ego_b1, ego_w2, ego_b2, ego_head, ego_scale, outputs)
         if not (math.isfinite(a) and math.isfinite(w)):
             return math.nan, status, k
-        if traits.shape[0] > 0:
-            advance_human(
-                agents, controlled, controlled, ego, a, w, observations, w1, b1, w2, b2, head, scale, action_noise[k],
-                dt_s, reference, lanes, spacing_m, minds, traits, poses,
-            )  # fmt: skip
-        else:
-            advance_all(
-                agents, controlled, ego, a, w, observations, w1, b1, w2, b2, head, scale, action_noise[k], dt_s,
-                lanes.shape[1], poses,
-            )  # fmt: skip
+        advance_vehicles(
+            agents, controlled, controlled, ego, a, w, observations, w1, b1, w2, b2, head, scale, action_noise[k],
+            dt_s, reference, lanes, spacing_m, minds, traits, poses,
+        )  # fmt: skip
         status, value = observe(
             agents, controlled, controlled, ego, reference, lanes, spacing_m, beams, rays, observations
         )

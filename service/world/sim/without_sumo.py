@@ -23,12 +23,11 @@ from service.world.safety.impact import time_or_impact
 from service.world.scenario.noise import Noise
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
-from service.world.sim.human import traits_of
 from service.world.sim.road import road_of
 from service.world.sim.rollout import OUTCOMES, Draw, Rollout
 from service.world.sim.segment import IMPACT, RAYS, drive_on
 from service.world.sim.step import observe
-from service.world.sim.world import DriverNetwork, World
+from service.world.sim.world import World
 from sumo_nets.corridor import Corridor
 
 MEASURES = {"ttc": RAYS, "ttc-impact": IMPACT}
@@ -77,8 +76,9 @@ def drive(
 class Parts(NamedTuple):
     """What the kernels of a scenario with a compiled ego read.
 
-    ego: kind and weights; network: w1, b1, w2, b2 and scale of the drivers; road: reference, lanes, spacing, beams and
-    the measure's rays
+    ego: kind and weights
+    network: w1, b1, w2, b2 and scale of the drivers
+    road: reference, lanes, spacing, beams and the measure's rays
     """
 
     ego: tuple[Any, ...]
@@ -99,18 +99,9 @@ class WithoutSumo(Closing):
                 f"{', '.join(compiled_egos())}, with the measures {' and '.join(MEASURES)}, without background traffic"
             )
         self._scenario = scenario
-        network = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
-        self._network = network
         self._measure = MEASURES[scenario.safety.measure]
-        self._world = World(
-            road_of(corridor),
-            network,
-            len(scenario.vehicles),
-            scenario.ego,
-            scenario.time.step_s,
-            rays=scenario.safety.rays,
-            traits=traits_of(scenario),
-        )
+        self._world = World.of(scenario, road_of(corridor), drivers)
+        self._network = self._world.network
         self._rays = self._world.rays if self._measure == RAYS else self._world.rays[:0]
         self._draw = Draw(scenario)
         policy = load_ego(ego)

@@ -5,26 +5,40 @@ from dataclasses import dataclass
 import numpy as np
 
 from policies import layout
+from policies.drivers import DriverModel
 from policies.exactmath import normals_from_bits
 from service.world import agents as A
+from service.world.scenario import Scenario
 from service.world.scenario.base import Start
 from service.world.sensors.lidar import beam_directions
 from service.world.sim import minds as M
-from service.world.sim.human import advance_human, reset_minds
+from service.world.sim.human import advance_vehicles, reset_minds, traits_of
 from service.world.sim.projection import place
 from service.world.sim.road import Road
-from service.world.sim.step import advance_all, observe, write_poses
+from service.world.sim.step import observe, write_poses
 
 
 @dataclass(frozen=True)
 class DriverNetwork:
-    """The weights of the driver network that all rollouts share (float32), and the scale of its actions."""
+    """The weights of the driver network that all rollouts share, and the scale of its actions.
 
-    w1: np.ndarray  # (51, 200)
-    b1: np.ndarray  # (200,)
-    w2: np.ndarray  # (200, 100)
-    b2: np.ndarray  # (100,)
-    action_scale: np.ndarray  # (2,) float64: m/s^2 and rad/s
+    w1: (51, 200) float32
+    b1: (200,) float32
+    w2: (200, 100) float32
+    b2: (100,) float32
+    action_scale: (2,), m/s^2 and rad/s
+    """
+
+    w1: np.ndarray
+    b1: np.ndarray
+    w2: np.ndarray
+    b2: np.ndarray
+    action_scale: np.ndarray
+
+    @classmethod
+    def of(cls, drivers: DriverModel) -> "DriverNetwork":
+        """The network of a driver model."""
+        return cls(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
 
 
 def action_noise(seed: int, steps: int, vehicles: int, channels: int = 2) -> np.ndarray:
@@ -68,9 +82,30 @@ class World:
         self.head = np.zeros(layout.HEAD_SIZE, np.float32)
         self.traits = np.zeros(0) if traits is None else traits
         self.minds = np.zeros((vehicles, M.COLUMNS))
-        self._network = network
+        self.network = network
         self.beams = beam_directions(layout.BEAMS)
         self.rays = beam_directions(rays)
+
+    @classmethod
+    def of(
+        cls,
+        scenario: Scenario,
+        road: Road,
+        drivers: DriverModel,
+        rays: int | None = None,
+        background_rows: int = 0,
+    ) -> "World":
+        """The world of a scenario's rollouts; rays: of the measure, default the scenario's."""
+        return cls(
+            road,
+            DriverNetwork.of(drivers),
+            len(scenario.vehicles),
+            scenario.ego,
+            scenario.time.step_s,
+            rays=scenario.safety.rays if rays is None else rays,
+            background_rows=background_rows,
+            traits=traits_of(scenario),
+        )
 
     def reset(
         self, starts: list[Start], driver_weights: np.ndarray, reactions_s: np.ndarray | None = None
@@ -121,32 +156,12 @@ class World:
 
         With human drivers it is (vehicles, 4), a row of `service.world.sim.latent`.
         """
-        net, road = self._network, self.road
-        if self.traits.size:
-            advance_human(
-                self.agents, self.vehicles, self.count, self.ego, acceleration_mps2, turn_rate_radps, self.observations,
-                net.w1, net.b1, net.w2, net.b2, self.head, net.action_scale, action_noise, self.dt_s, road.reference,
-                road.lanes, road.spacing_m, self.minds, self.traits, self.poses,
-            )  # fmt: skip
-            return
-        advance_all(
-            self.agents,
-            self.vehicles,
-            self.ego,
-            acceleration_mps2,
-            turn_rate_radps,
-            self.observations,
-            net.w1,
-            net.b1,
-            net.w2,
-            net.b2,
-            self.head,
-            net.action_scale,
-            action_noise,
-            self.dt_s,
-            self.road.lanes.shape[1],
-            self.poses,
-        )
+        net, road = self.network, self.road
+        advance_vehicles(
+            self.agents, self.vehicles, self.count, self.ego, acceleration_mps2, turn_rate_radps, self.observations,
+            net.w1, net.b1, net.w2, net.b2, self.head, net.action_scale, action_noise, self.dt_s, road.reference,
+            road.lanes, road.spacing_m, self.minds, self.traits, self.poses,
+        )  # fmt: skip
 
     def write_poses(self) -> None:
         """Update `poses` from the vehicles' state; `advance` does so by itself."""

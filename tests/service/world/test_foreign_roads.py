@@ -18,6 +18,7 @@ from service.world.egos.sumo import MODELS
 from service.world.scenario import load_scenario
 from service.world.scenario.check import check_road
 from service.world.sim.sumo_check import check_in_sumo
+from tests.sumo_nets.test_nets_strips import connections, edge_text
 
 BASE = [-8.0, -4.8, -1.6]
 PLAIN = [""] * 3
@@ -29,24 +30,14 @@ def network(lanes: list[str], y: list[float], length: float = 300.0, limit: floa
     parts = ['<net version="1.20"><location netOffset="0,0" convBoundary="0,0,600,20" origBoundary="0,0,1,1" '
              'projParameter="!"/>']  # fmt: skip
     for edge, ends, x in (("e1", "ab", 0), ("e2", "bc", 300)):
-        parts.append(f'<edge id="{edge}" from="{ends[0]}" to="{ends[1]}" priority="-1">')
-        parts += [
-            f'<lane id="{edge}_{i}" index="{i}" {more} speed="{limit}" length="{length}" '
-            f'shape="{x},{at} {x + 300},{at}"/>'
-            for i, (more, at) in enumerate(zip(lanes, y, strict=True))
-        ]
-        parts.append("</edge>")
+        parts += edge_text(edge, ends, x, lanes, y, f'speed="{limit}" length="{length}"')
     ids = {edge: " ".join(f"{edge}_{i}" for i in range(len(y))) for edge in ("e1", "e2")}
     parts += [
         '<junction id="a" type="dead_end" x="0" y="0" incLanes="" intLanes="" shape="0,0 0,-9"/>',
         f'<junction id="b" type="unregulated" x="300" y="0" incLanes="{ids["e1"]}" intLanes="" shape="300,0 300,-9"/>',
         f'<junction id="c" type="dead_end" x="600" y="0" incLanes="{ids["e2"]}" intLanes="" shape="600,0 600,-9"/>',
     ]
-    parts += [
-        f'<connection from="e1" to="e2" fromLane="{i}" toLane="{i}" dir="s" state="M"/>'
-        for i in range(len(y))
-    ]
-    return "".join([*parts, "</net>"])
+    return "".join([*parts, *connections(len(y)), "</net>"])
 
 
 @pytest.fixture

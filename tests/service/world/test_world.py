@@ -32,7 +32,7 @@ def make_world(road, drivers):
     """make_world(starts, ego): a world with those vehicles, observed once."""
 
     def make(starts: list[Start], ego: int = 0) -> World:
-        network = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
+        network = DriverNetwork.of(drivers)
         world = World(road, network, len(starts), ego, DT)
         world.reset(starts, drivers.mu0)
         return world
@@ -193,7 +193,7 @@ def test_a_world_without_an_ego_runs_on(make_world):
 
 
 def test_background_rows_are_seen_and_hit_like_any_vehicle(road, drivers):
-    network = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
+    network = DriverNetwork.of(drivers)
     world = World(road, network, 2, 0, DT, background_rows=3)
     world.reset([start(100.0, 3), start(200.0, 3)], drivers.mu0)
     world.observe()

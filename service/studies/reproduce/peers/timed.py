@@ -41,7 +41,10 @@ PEERS = (
 
 
 class Timed(msgspec.Struct, frozen=True, kw_only=True):
-    """A simulator's rounds: simulated seconds a second of a core in each; failed: why there are none."""
+    """A simulator's rounds: simulated seconds a second of a core in each.
+
+    failed: why there are none
+    """
 
     name: str
     what: str

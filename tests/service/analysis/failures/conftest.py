@@ -46,7 +46,7 @@ def still(t: float) -> float:
 @pytest.fixture(scope="session")
 def play(i80: Corridor, drivers: DriverModel) -> Callable[..., Trace]:
     """play([ego, other, ...], seconds): the trace, to the ego's collision at the latest."""
-    network = DriverNetwork(drivers.w1, drivers.b1, drivers.w2, drivers.b2, drivers.action_scale)
+    network = DriverNetwork.of(drivers)
 
     def run(vehicles: Sequence[Moves], seconds: float = 6.0) -> Trace:
         world = World(road_of(i80), network, len(vehicles), 0, STEP_S)

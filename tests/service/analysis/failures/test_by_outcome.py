@@ -3,16 +3,12 @@
 import numpy as np
 import pytest
 
-import ce
 from service.analysis.failures.events import events_of
 from service.analysis.failures.find import find_failures
 from service.errors import InputError
-from service.evaluation.evaluate import evaluate
-from service.evaluation.job import Problem, make_job
 from service.evaluation.pool import OUTCOME_CODES
 from service.evaluation.record import replay
-from service.evaluation.store import Chunk, RunDirectory
-from tests.service.analysis.failures.test_methods import GAMMA, OPTIONS, StandIn, made_up_f
+from tests.service.analysis.failures.test_methods import GAMMA, OPTIONS, StandIn, made_up_f, made_up_run
 
 COLLISION, HORIZON = OUTCOME_CODES["collision"], OUTCOME_CODES["horizon"]
 
@@ -24,19 +20,11 @@ def collides(x: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(params=OPTIONS)
 def run(request, make_scenario, tmp_path):
-    job = make_job(make_scenario(), "idm", GAMMA, request.param, 1, OPTIONS[request.param])
-    problem = Problem(job)
-    with RunDirectory.create(tmp_path / "run", (job,)) as store:
+    def ended(x: np.ndarray) -> np.ndarray:
+        return np.where(collides(x), COLLISION, HORIZON).astype(np.uint8)
 
-        def run_batch(batch: ce.Batch) -> np.ndarray:
-            f, ended = made_up_f(batch.x), np.where(collides(batch.x), COLLISION, HORIZON)
-            steps = np.full(f.size, 100, np.int32)
-            chunk = Chunk(batch.start, batch.stop, f, ended.astype(np.uint8), steps, {}, 0.1)
-            store.append(job.id, batch.phase, batch.iteration, chunk)
-            return f
-
-        evaluate(problem.algorithm, problem.stream_seed, run_batch)
-        yield store, job
+    with made_up_run(make_scenario(), request.param, tmp_path / "run", ended) as made:
+        yield made
 
 
 def test_those_that_ended_so_are_found_whatever_their_f(run):

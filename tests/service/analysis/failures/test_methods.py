@@ -1,5 +1,9 @@
 """Failures of every method: made-up values of f, and a stand-in for running rollouts again."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -8,9 +12,10 @@ from service.analysis.failures.find import find_failures
 from service.analysis.failures.rerun import Rerun, Rerunner
 from service.errors import InputError
 from service.evaluation.evaluate import evaluate
-from service.evaluation.job import Problem, make_job
+from service.evaluation.job import Job, Problem, make_job
 from service.evaluation.record import replay
 from service.evaluation.store import Chunk, RunDirectory
+from service.world.scenario import Scenario
 from tests.service.analysis.failures.test_modes import PASS, REAR_END
 
 OPTIONS = {
@@ -43,22 +48,33 @@ class StandIn(Rerunner):
         ]
 
 
-@pytest.fixture(params=OPTIONS)
-def record(request, make_scenario, tmp_path):
-    job = make_job(make_scenario(), "idm", GAMMA, request.param, 1, OPTIONS[request.param])
+def no_ending(x: np.ndarray) -> np.ndarray:
+    return np.zeros(len(x), np.uint8)
+
+
+@contextmanager
+def made_up_run(
+    scenario: Scenario, method: str, folder: Path, ended: Callable[[np.ndarray], np.ndarray] = no_ending
+) -> Iterator[tuple[RunDirectory, Job]]:
+    """A run of `method` whose rollouts have f by `made_up_f` and endings (n,) uint8 by `ended`."""
+    job = make_job(scenario, "idm", GAMMA, method, 1, OPTIONS[method])
     problem = Problem(job)
-    with RunDirectory.create(tmp_path / "run", (job,)) as store:
+    with RunDirectory.create(folder, (job,)) as store:
 
         def run_batch(batch: ce.Batch) -> np.ndarray:
             f = made_up_f(batch.x)
-            n = f.size
-            chunk = Chunk(
-                batch.start, batch.stop, f, np.zeros(n, np.uint8), np.full(n, 100, np.int32), {}, 0.1
-            )
+            steps = np.full(f.size, 100, np.int32)
+            chunk = Chunk(batch.start, batch.stop, f, ended(batch.x), steps, {}, 0.1)
             store.append(job.id, batch.phase, batch.iteration, chunk)
             return f
 
         evaluate(problem.algorithm, problem.stream_seed, run_batch)
+        yield store, job
+
+
+@pytest.fixture(params=OPTIONS)
+def record(request, make_scenario, tmp_path):
+    with made_up_run(make_scenario(), request.param, tmp_path / "run") as (store, job):
         return replay(store, job)
 
 

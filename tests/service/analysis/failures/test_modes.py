@@ -8,36 +8,17 @@ from service.analysis.failures.kinds import kind_of
 from service.analysis.failures.modes import modes_of
 from service.analysis.failures.motion import Motion
 
-PASS = Motion(
-    other=1,
-    time_s=2.0,
-    ahead_m=0.5,
-    left_m=3.4,
-    gap_along_m=-4.0,
-    gap_across_m=1.6,
-    closing_along_mps=6.0,
-    closing_across_mps=0.0,
-    ego_speed_mps=18.0,
-    other_speed_mps=12.0,
-    ego_across_mps=0.0,
-    other_across_mps=0.0,
-    heading_deg=0.0,
-    ray_deg=80.0,
-    before_ahead_m=18.0,
-    before_left_m=3.6,
-    same_lane=False,
-    same_lane_before=False,
-    ego_lanes_left=0,
-    other_lanes_left=0,
-    ego_moved_left_m=0.0,
-    other_moved_left_m=-0.1,
-    ego_braking_mps2=0.0,
-    other_braking_mps2=0.0,
-    ego_action_mps2=0.0,
-    ego_action_radps=0.0,
-    left_blocked=True,
-    right_blocked=False,
-)
+
+def motion(**given: float) -> Motion:
+    """What there was at the worst moment; 0 where nothing is said."""
+    return Motion(**{f.name: 0 for f in msgspec.structs.fields(Motion)} | given)
+
+
+PASS = motion(
+    other=1, time_s=2.0, ahead_m=0.5, left_m=3.4, gap_along_m=-4.0, gap_across_m=1.6, closing_along_mps=6.0,
+    ego_speed_mps=18.0, other_speed_mps=12.0, ray_deg=80.0, before_ahead_m=18.0, before_left_m=3.6,
+    other_moved_left_m=-0.1, same_lane=False, same_lane_before=False, left_blocked=True, right_blocked=False,
+)  # fmt: skip
 REAR_END = msgspec.structs.replace(
     PASS,
     ahead_m=5.0,

@@ -6,7 +6,6 @@ import threading
 from dataclasses import replace
 
 import msgspec
-import numpy as np
 import pytest
 import sqlalchemy as sa
 
@@ -15,6 +14,7 @@ from service.errors import StoreError
 from service.evaluation.store import Chunk, Origin
 from service.evaluation.store.jobs import AuditRow, JobStore
 from service.evaluation.store.tables import jobs
+from tests.service.evaluation.store.test_directory import chunk
 
 
 @pytest.fixture
@@ -22,16 +22,6 @@ def store(url, job):
     with JobStore(url) as store:
         store.add_job("a", job, 3, 2.0, "first", "running")
         yield store
-
-
-def chunk(start: int, n: int, seed: int = 0) -> Chunk:
-    g = np.random.default_rng((seed, start))
-    f = g.normal(size=n)
-    f[0] = [np.nan, np.inf, 5e-324, -0.0][start % 4]
-    errors = {0: "EgoError: täuscht\n'quoted' \x00"} if start % 4 == 0 else {}
-    return Chunk(
-        start, start + n, f, g.integers(0, 5, n).astype(np.uint8), np.arange(n, dtype=np.int32), errors, 0.5
-    )
 
 
 def bits(c: Chunk) -> tuple:
@@ -143,9 +133,10 @@ def test_iterations_are_of_the_present_epoch(store):
 
 
 def test_cost_is_summed_over_what_is_not_void(store):
-    put(store, "a", chunk(0, 4))
-    put(store, "a", chunk(4, 3))
-    assert store.cost("a") == (1.0, 0 + 1 + 2 + 3 + 0 + 1 + 2, 7)
+    both = chunk(0, 4), chunk(4, 3)
+    for one in both:
+        put(store, "a", one)
+    assert store.cost("a") == (0.5, sum(int(one.steps.sum()) for one in both), 7)
 
 
 def test_one_scheduler_at_a_time(store, url):

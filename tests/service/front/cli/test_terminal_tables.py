@@ -8,7 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import msgspec
 import pytest
 
 from service.analysis.comparison.objects import (
@@ -22,13 +21,13 @@ from service.analysis.comparison.objects import (
     Side,
 )
 from service.analysis.exposure import Exposure
-from service.analysis.failures.motion import Motion
 from service.analysis.failures.objects import Failure, Failures, Mode
 from service.analysis.risk import rate_of
 from service.evaluation.summary import withheld_for
 from service.front.cli import batch, compare, estimate, failures, jobs
 from service.front.matrix.verdict import Result
 from service.remote.api.objects import Job
+from tests.service.analysis.failures.test_modes import motion
 
 WIDE = "0.000123 to 0.000987"
 
@@ -102,11 +101,10 @@ def test_estimates_keep_intervals_and_job_ids_whole_and_thresholds_have_their_ow
 
 def test_failures_keep_the_names_of_their_modes_whole(capsys):
     mode = "ego-lane-change-front"
-    motion = Motion(**{f.name: 0.0 for f in msgspec.structs.fields(Motion)} | {"time_s": 12.3, "other": 16})
     failure = Failure(rank=1000, iteration=0, row=1_234_567, noise_seed="1", f=-12.34, f_again=-12.34,
                       same_to_the_bit=True, outcome="collision", error=None, log_likelihood=-1524.7,
                       starts_log_likelihood=0.0, weight=1.23e-5, share=0.987, mode=mode, kind=mode, other="env16",
-                      motion=motion, starts={})  # fmt: skip
+                      motion=motion(time_s=12.3, other=16), starts={})  # fmt: skip
     way = Mode(mode=mode, name="ego changes lanes behind a slower vehicle", typical="so", events=12_345, share=0.987,
                share_ci=(0.97, 0.99), p=4.56e-4, ci=(1.23e-4, 9.87e-4), agreement=1.0, example=failure)  # fmt: skip
     found = Failures(job="splitting-2", run="run", scenario="i80-10s", ego="lidar", method="splitting", gamma=0.5,

@@ -287,30 +287,40 @@ def test_a_worker_that_draws_other_rows_is_sent_the_rows(tmp_path, job, right):
         assert_same(fleet, job_id, right)
 
 
-def test_a_router_that_is_restarted_is_found_again(tmp_path, job, right):
-    with light_fleet(tmp_path, POLICY) as fleet:
+@contextmanager
+def held_up(tmp_path, job, right, workers: int, **others):
+    """A fleet with its job, and advance(rollouts), which lets workers go on for ten chunks until it has so many.
+
+    At the end they go on for good, and the job must end with the right bits.
+    """
+    with light_fleet(tmp_path, POLICY, **others) as fleet:
         job_id = fleet.fleet.submit(job).id
         gate = Gate()
-        workers = [LightWorker(fleet.port, f"w{i}", gate.runner) for i in range(2)]
-        for rollouts in (200, 400):
+        crew = [LightWorker(fleet.port, f"w{i}", gate.runner) for i in range(workers)]
+
+        def advance(rollouts: int) -> None:
             gate.let(10)  # of 20 rows or more
             fleet.wait_rollouts(job_id, rollouts)
-            fleet.shut()
-            fleet.open()
+
+        yield fleet, job_id, gate, advance
         gate.open()
         fleet.wait_status(job_id, "done")
-        for worker in workers:
+        for worker in crew:
             worker.stop()
         assert_same(fleet, job_id, right)
 
 
+def test_a_router_that_is_restarted_is_found_again(tmp_path, job, right):
+    with held_up(tmp_path, job, right, 2) as (fleet, _, _, advance):
+        for rollouts in (200, 400):
+            advance(rollouts)
+            fleet.shut()
+            fleet.open()
+
+
 def test_a_locked_database_holds_things_up_and_loses_nothing(tmp_path, job, right):
-    with light_fleet(tmp_path, POLICY) as fleet:
-        job_id = fleet.fleet.submit(job).id
-        gate = Gate()
-        worker = LightWorker(fleet.port, "w", gate.runner)
-        gate.let(10)  # of 20 rows or more
-        fleet.wait_rollouts(job_id, 200)
+    with held_up(tmp_path, job, right, 1) as (fleet, job_id, gate, advance):
+        advance(200)
         other = sqlite3.connect(tmp_path / "fleet.sqlite", isolation_level=None)
         other.execute("BEGIN IMMEDIATE")
         gate.open()
@@ -321,9 +331,6 @@ def test_a_locked_database_holds_things_up_and_loses_nothing(tmp_path, job, righ
             fleet.store.add_event(job_id, "note", {})
         other.execute("ROLLBACK")
         other.close()
-        fleet.wait_status(job_id, "done")
-        worker.stop()
-        assert_same(fleet, job_id, right)
 
 
 @pytest.mark.parametrize("jump_s", [-1e7, 1e7])
@@ -333,19 +340,10 @@ def test_clock_jumps_cost_time_at_most(tmp_path, job, right, jump_s):
     def clock() -> float:
         return time.monotonic() + jumped[0]
 
-    with light_fleet(tmp_path, POLICY, clock=clock) as fleet:
-        job_id = fleet.fleet.submit(job).id
-        gate = Gate()
-        workers = [LightWorker(fleet.port, f"w{i}", gate.runner) for i in range(2)]
+    with held_up(tmp_path, job, right, 2, clock=clock) as (_, _, _, advance):
         for rollouts in (200, 400, 600):
-            gate.let(10)  # of 20 rows or more
-            fleet.wait_rollouts(job_id, rollouts)
+            advance(rollouts)
             jumped[0] += jump_s
-        gate.open()
-        fleet.wait_status(job_id, "done")
-        for worker in workers:
-            worker.stop()
-        assert_same(fleet, job_id, right)
 
 
 @pytest.mark.parametrize("workers", [1, 4])
