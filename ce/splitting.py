@@ -96,8 +96,8 @@ class Splitting(Estimator[SplittingState], method="splitting", state_type=Splitt
         return after, self._record(state, after, values, steps)
 
     def estimate(self, state: SplittingState) -> ReplicatedEstimate:
-        """The estimate so far, from the levels completed by the replications; p is NaN during the pilot."""
-        made = state.replications
+        """The estimate so far, from the replications that are finished; p is NaN before there are two."""
+        made = splitting_replications.finished(state.replications)
         return ReplicatedEstimate(
             gamma=self.gamma,
             method=self.method,
@@ -226,13 +226,11 @@ class Splitting(Estimator[SplittingState], method="splitting", state_type=Splitt
         made = state.replications
         complete = (made.group + 1) * made.group_size
         interim = self.options.interim_looks > 1 and complete == made.count // 2
-        over = complete + made.group_size > made.count or (interim and self.estimate(state).converged)
-        return msgspec.structs.replace(
-            state,
-            phase="done" if over else "replications",
-            replications=splitting_replications.next_group(made),
-            level=self._level_0(),
+        after = msgspec.structs.replace(
+            state, replications=splitting_replications.next_group(made), level=self._level_0()
         )
+        over = complete + made.group_size > made.count or (interim and self.estimate(after).converged)
+        return msgspec.structs.replace(after, phase="done" if over else "replications")
 
     def _seeded(self, state: SplittingState, rows: NDArray[np.intp]) -> SplittingState:
         """The next level, with chains that begin at those rows of the present sample."""

@@ -54,6 +54,15 @@ def next_group(state: ReplicationsState) -> ReplicationsState:
     return msgspec.structs.replace(state, group=state.group + 1, log_p=np.zeros(state.group_size))
 
 
+def finished(state: ReplicationsState) -> ReplicationsState:
+    """The replications without those of the present group, whose levels are still to come: a running estimate made of
+    them, too, would begin anew with every group."""
+    whole = state.replication < _first(state)
+    return msgspec.structs.replace(
+        state, f=state.f[whole], log_weights=state.log_weights[whole], replication=state.replication[whole]
+    )
+
+
 def next_level(state: ReplicationsState, survivors: Chains, bound: float) -> ReplicationsState:
     """The replications when a level's survivors are handed on to the next level; the others keep their weights.
 

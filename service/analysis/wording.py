@@ -6,6 +6,7 @@ from service.world.scenario.measures import unit_at
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 NOT_KNOWN = "not known"
+DIGITS = 2  # of an estimate and of its interval's ends, wherever they are told together
 LEAST_PERCENT = 0.01
 
 

@@ -19,6 +19,7 @@ from service.evaluation.options import PATHS, options_of
 from service.evaluation.path_record import read_paths
 from service.evaluation.path_store import PathSource
 from service.evaluation.pool import OUTCOME_CODES, OUTCOME_NAMES
+from service.evaluation.so_far import begun, state_after
 from service.evaluation.store import FAILED, Chunk, ChunkSource
 from service.evaluation.summary import Ending
 from service.world.safety.contact import Contact
@@ -47,7 +48,7 @@ class FailedRollout:
 class JobRecord:
     """What the record says of a job.
 
-    estimate: of f <= estimate.gamma, from the batches that are complete
+    estimate: of f <= estimate.gamma, from the batches that are complete and the first rows of one that is not
     parameters: of the proposal of each batch, by (phase, iteration)
     estimate_iteration: of the batches that the estimate is made of; a method that switches leaves others behind
     event_rows: the estimation rollouts with f <= estimate.gamma; none for methods that move chains instead of drawing a
@@ -167,9 +168,8 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None, outcome: st
     explicit: dict[tuple[str, int, int], tuple[np.ndarray, Noise, float]] = {}
     explicit_batches: set[BatchKey] = set()
 
-    def run_batch(batch: ce.Batch) -> np.ndarray:
+    def told(batch: ce.Batch, f: np.ndarray) -> np.ndarray:
         parameters[batch.phase, batch.iteration] = batch.parameters
-        f = recorded(batch)
         dangerous = f <= threshold if ended_so is None else ended_so(batch)
         if batch.explicit:
             explicit_batches.add((batch.phase, batch.iteration))
@@ -193,8 +193,14 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None, outcome: st
         records.append(record)
 
     try:
-        estimate = evaluate(algorithm, problem.stream_seed, run_batch, observe)
+        estimate = evaluate(
+            algorithm, problem.stream_seed, lambda batch: told(batch, recorded(batch)), observe
+        )
     except EndOfRecord:
+        part = begun(algorithm.propose(state), chunks)
+        if part is not None and (after := state_after(algorithm, state, *part)) is not state:
+            told(*part)
+            state = after
         estimate = algorithm.estimate(state)
     if threshold != job.gamma:
         estimate = replace(estimate, gamma=threshold)

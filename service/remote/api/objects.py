@@ -176,7 +176,8 @@ class Egos(_Body, frozen=True):
 
 
 class Estimate(Estimated, frozen=True, kw_only=True):
-    """p = P0(f(X) <= gamma) from the batches that are complete; as `tailroad estimate --json` prints it."""
+    """p = P0(f(X) <= gamma) from what is complete, a batch's first rows at once; as `tailroad estimate --json` prints
+    it."""
 
     status: str
 
@@ -196,6 +197,20 @@ class Curve(_Body, frozen=True):
     job: str
     confidence: float
     points: tuple[CurvePoint, ...]
+
+
+class Course(_Body, frozen=True):
+    """The estimate at the job's gamma as its rollouts came in, in columns of the same length. training: rollouts of the
+    search, before all of them; rollouts: after how many of those that followed. Replications have one point, as they
+    count only when all of their rollouts are there."""
+
+    job: str
+    confidence: float
+    training: int
+    rollouts: tuple[int, ...]
+    p: tuple[float | None, ...]
+    low: tuple[float | None, ...]
+    high: tuple[float | None, ...]
 
 
 class SearchStep(_Body, frozen=True, tag_field="phase", tag="train"):

@@ -57,6 +57,16 @@ class AskCurve(_Request, frozen=True):
     confidence: Share | None = None
 
 
+class AskCourse(_Request, frozen=True):
+    """Parameters of `jobs/ID/course`.
+
+    points: numbers of rollouts at most, evenly on a logarithmic scale
+    """
+
+    points: Annotated[int, Meta(ge=2, le=MAX_PAGE)] = 100
+    confidence: Share | None = None
+
+
 class RolloutsPage(_Request, frozen=True):
     """Parameters of `jobs/ID/rollouts`.
 

@@ -9,6 +9,7 @@ import numpy as np
 from service.evaluation.store.jobs import Event as StoredEvent
 from service.remote.api.background import Background
 from service.remote.api.objects import (
+    Course,
     Curve,
     CurvePoint,
     Estimate,
@@ -19,7 +20,7 @@ from service.remote.api.objects import (
     SearchStep,
 )
 from service.remote.api.problems import ApiError, Wrong, short
-from service.remote.api.requests import MAX_PAGE, AskCurve, AskEstimate, IterationsPage, Page
+from service.remote.api.requests import MAX_PAGE, AskCourse, AskCurve, AskEstimate, IterationsPage, Page
 from service.remote.fleet.service import Fleet
 from service.world.scenario.measures import span
 
@@ -61,6 +62,16 @@ class ResultAnswers:
                 for g, p, s, low, high, n, ess in points
             ),
         )  # fmt: skip
+
+    def course(self, asked: AskCourse, job: str) -> Course:
+        view = self._fleet.job(job)
+        self._make_ready(job)
+        training, trace = self._fleet.course(job, asked.points, asked.confidence)
+        columns = {
+            name: tuple(finite(getattr(trace, name).tolist())) for name in ("rollouts", "p", "low", "high")
+        }
+        confidence = asked.confidence or float(view.options.get("confidence", 0.95))
+        return Course(job=job, confidence=confidence, training=training, **columns)
 
     def _make_ready(self, job: str) -> None:
         """Have the job's record replayed where it is not at hand; ApiError "working" while that takes."""

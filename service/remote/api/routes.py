@@ -63,6 +63,7 @@ ROUTES = (
     Route("jobs/{job}", "A job and how far it is.", "job", R.Nothing, O.Job),
     Route("jobs/{job}/estimate", "p with its interval, from what is complete.", "estimate", R.AskEstimate, O.Estimate),
     Route("jobs/{job}/curve", "p for many thresholds.", "curve", R.AskCurve, O.Curve),
+    Route("jobs/{job}/course", "The estimate as rollouts came in.", "course", R.AskCourse, O.Course),
     Route("jobs/{job}/iterations", "What each batch came to.", "iterations", R.IterationsPage, O.Iterations),
     Route("jobs/{job}/events", "Events that are kept; subscribe to this key for all as they happen.", "events", R.Page,
           O.Events),

@@ -90,6 +90,10 @@ class Client(Closing):
         listed = None if gammas is None else ",".join(repr(float(g)) for g in gammas)
         return self._of(job, "curve", O.Curve, gammas=listed, confidence=confidence)
 
+    def course(self, job: str, points: int = 100) -> O.Course:
+        """The estimate as rollouts came in."""
+        return self._of(job, "course", O.Course, points=points)
+
     def iterations(self, job: str, after: int = -1, limit: int = 100) -> O.Iterations:
         return self._of(job, "iterations", O.Iterations, after=after, limit=limit)
 

@@ -16,11 +16,12 @@ from service.evaluation.endings import endings_of
 from service.evaluation.failed_share import MAX_FAILED
 from service.evaluation.job import Job
 from service.evaluation.record import JobRecord, replay
+from service.evaluation.so_far import ESTIMATE, begun, state_after
 from service.evaluation.store.jobs import Event, JobRow, Mark
 from service.evaluation.store.reader import JobReader
 from service.evaluation.summary import Cost, summary_of
 from service.remote.fleet import events as E
-from service.remote.fleet.chunk_memory import ChunkMemory
+from service.remote.fleet.chunk_memory import ChunkMemory, JobChunks
 from service.remote.fleet.errors import NoSuchJob
 from service.remote.fleet.hub import Hub
 from service.remote.fleet.scheduler import Scheduler
@@ -201,10 +202,12 @@ class Fleet:
     def estimate(
         self, job: str, gamma: float | None = None, confidence: float | None = None
     ) -> dict[str, Any]:
-        """The estimate so far as `tailroad estimate --json` prints it, from the batches that are complete; at another
-        threshold or confidence where given. Of a job that failed p and its interval are withheld."""
-        row, found = self._row(job), self._estimate(job, gamma, confidence)
-        cost, read = Cost(0), self._chunks.of(row.id)
+        """The estimate so far as `tailroad estimate --json` prints it, from the batches that are complete and the first
+        rows of one that is not; at another threshold or confidence where given. Of a job that failed p and its interval
+        are withheld."""
+        row, cost = self._row(job), Cost(0)
+        read = self._chunks.of(row.id)
+        found = self._estimate(job, gamma, confidence, read)
         cost.add(read.worker_s, read.steps * row.job.scenario.time.step_s, read.in_sumo)
         endings = endings_of(found, read.chunks)
         told = summary_of(msgspec.structs.replace(row.job, gamma=found.gamma), found, cost, endings)
@@ -217,6 +220,13 @@ class Fleet:
         if (row := self._row(job)).status == "failed":
             raise InputError(f"job {job} has failed, and its p is withheld: {row.reason}")
         return self._estimate(job, None, confidence).curve(gammas)
+
+    def course(self, job: str, points: int, confidence: float | None = None) -> tuple[int, ce.Trace]:
+        """Rollouts of the search, and the estimate after each of about `points` numbers of those that came after."""
+        if (row := self._row(job)).status == "failed":
+            raise InputError(f"job {job} has failed, and its p is withheld: {row.reason}")
+        found = self._estimate(job, None, confidence)
+        return found.training_rollouts, found.trace(points)
 
     def iterations(self, job: str, after: int = -1, limit: int = 1000) -> list[dict[str, Any]]:
         """What each batch came to (ce.TrainingRecord, ce.EstimationRecord), with its number."""
@@ -272,9 +282,16 @@ class Fleet:
         self._row(job)
         self._hub.post(event)
 
-    def _estimate(self, job: str, gamma: float | None, confidence: float | None) -> ce.Estimate:
+    def _estimate(
+        self, job: str, gamma: float | None, confidence: float | None, read: JobChunks | None = None
+    ) -> ce.Estimate:
         problem, step = self._hub.statistics.last(job)
-        found = problem.algorithm.estimate(step.state)
+        algorithm, state = problem.algorithm, step.state
+        batch = step.batch or algorithm.propose(state)
+        if batch is not None and batch.phase == ESTIMATE:
+            part = begun(batch, (read or self._chunks.of(job)).chunks)
+            state = state if part is None else state_after(algorithm, state, *part)
+        found = algorithm.estimate(state)
         if confidence is not None:
             if not 0.0 < confidence < 1.0:
                 raise InputError(f"confidence {confidence}: give a number between 0 and 1")

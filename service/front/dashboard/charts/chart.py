@@ -37,6 +37,8 @@ class Chart:
     """What one chart shows.
 
     shows: what is to be seen, in a sentence, for those who do not see it
+    x_whole: whether its values are whole numbers, with no ticks between them
+    x_include, y_include: values that the axis shows in any case
     """
 
     id: str
@@ -48,7 +50,9 @@ class Chart:
     marks: tuple[Mark, ...] = ()
     x_log: bool = False
     y_log: bool = False
+    x_whole: bool = False
     y_include: tuple[float, ...] = ()
+    x_include: tuple[float, ...] = ()
     note: str = ""
 
     @property

@@ -12,13 +12,18 @@ FACTOR = 1.25  # the same for a logarithmic axis
 
 @dataclass(frozen=True)
 class Scale:
-    """Values from low to high at places from start to end; log: low is above 0."""
+    """Values from low to high at places from start to end.
+
+    log: low is above 0
+    whole: of whole numbers, between which there are no ticks
+    """
 
     low: float
     high: float
     start: float
     end: float
     log: bool = False
+    whole: bool = False
 
     def __call__(self, value: float) -> float:
         """The place of a value, kept inside."""
@@ -29,12 +34,20 @@ class Scale:
 
     def ticks(self, most: int) -> list[tuple[float, str]]:
         """Values to be marked, with what is written there."""
-        values = _log_ticks(self.low, self.high, most) if self.log else _even_ticks(self.low, self.high, most)
+        values = _log_ticks(self.low, self.high, most) if self.log else self._even_ticks(most)
         return [(value, tick_label(value)) for value in values]
+
+    def _even_ticks(self, most: int) -> list[float]:
+        return _even_ticks(self.low, self.high, most, 1.0 if self.whole else 0.0)
 
 
 def fitting(
-    values: Iterable[float], start: float, end: float, log: bool = False, include: Sequence[float] = ()
+    values: Iterable[float],
+    start: float,
+    end: float,
+    log: bool = False,
+    include: Sequence[float] = (),
+    whole: bool = False,
 ) -> Scale:
     """A scale that shows all the values; on a logarithmic one those above 0."""
     shown = [v for v in (*values, *include) if math.isfinite(v) and (v > 0.0 or not log)]
@@ -43,7 +56,7 @@ def fitting(
         return Scale(low / FACTOR, high * FACTOR, start, end, True)
     room = ROOM * (high - low) or 0.5 * abs(high) or 0.5
     below = 0.0 if low == 0.0 else room  # nothing lies below a count of none
-    return Scale(low - below, high + room, start, end)
+    return Scale(low - below, high + room, start, end, whole=whole)
 
 
 def tick_label(value: float) -> str:
@@ -53,13 +66,22 @@ def tick_label(value: float) -> str:
     return f"{value:,.6g}"
 
 
-def _even_ticks(low: float, high: float, most: int) -> list[float]:
-    raw = (high - low) / max(most, 1)
+def _even_ticks(low: float, high: float, most: int, least: float = 0.0) -> list[float]:
+    """Values at equal distances, of at least `least`."""
+    raw = max((high - low) / max(most, 1), least)
     power = 10.0 ** math.floor(math.log10(raw))
-    step = next(s * power for s in (1.0, 2.0, 2.5, 5.0, 10.0) if s * power >= raw * (1.0 - 1e-9))
+    step = next(
+        s * power
+        for s in (1.0, 2.0, 2.5, 5.0, 10.0)
+        if s * power >= raw * (1.0 - 1e-9) and _is_whole(s * power, least)
+    )
     first = math.ceil(low / step - 1e-9)
     last = math.floor(high / step + 1e-9)
     return [min(max(float(f"{i * step:.12g}"), low), high) for i in range(first, last + 1)]
+
+
+def _is_whole(step: float, least: float) -> bool:
+    return not least or step == math.floor(step)
 
 
 def _log_ticks(low: float, high: float, most: int) -> list[float]:

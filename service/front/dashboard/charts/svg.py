@@ -29,7 +29,7 @@ def figure(chart: Chart) -> Markup:
     xs = [x for one in series for x in _known(one.x)]
     ys = _heights(chart, series)
     marked = {axis: [m.value for m in chart.marks if m.axis == axis] for axis in "xy"}
-    x = fitting(xs, LEFT, WIDTH - RIGHT, chart.x_log, marked["x"])
+    x = fitting(xs, LEFT, WIDTH - RIGHT, chart.x_log, (*marked["x"], *chart.x_include), chart.x_whole)
     y = fitting(ys, HEIGHT - BOTTOM, TOP, chart.y_log, (*marked["y"], *chart.y_include))
     drawn = "".join([*_axes(chart, x, y), *_marks(chart, x, y), *(_series(one, x, y) for one in series)])
     return Markup(

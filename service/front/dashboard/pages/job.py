@@ -17,6 +17,7 @@ from service.front.dashboard.pages.jobs import estimate_of, row_of
 from service.front.dashboard.site import Part, Site
 from service.remote.api.objects import (
     OVER,
+    Course,
     Curve,
     Estimate,
     EstimateStep,
@@ -57,10 +58,19 @@ async def answer(site: Site, request: Request) -> dict[str, Any]:
     job = await job_of(site, request)
     estimate = await estimate_by_now(site, job)
     if estimate is not None:
-        return {"job": job, "estimate": estimate, "over": job.status in OVER, "last": None}
+        counted = estimate.rollouts.total
+        waiting = 0 if job.rollouts is None or estimate.rollouts.estimation == 0 else job.rollouts - counted
+        return {
+            "job": job,
+            "estimate": estimate,
+            "over": job.status in OVER,
+            "last": None,
+            "waiting": waiting,
+        }
     steps = await steps_of(site, job)
     last = steps.estimate[-1] if steps.estimate and job.status != "failed" else None
-    return {"job": job, "estimate": None, "over": job.status in OVER, "last": last, "again_s": PRELIMINARY_S}
+    return {"job": job, "estimate": None, "over": job.status in OVER, "last": last, "waiting": 0,
+            "again_s": PRELIMINARY_S}  # fmt: skip
 
 
 async def estimate_by_now(site: Site, job: Job) -> Estimate | None:
@@ -107,6 +117,14 @@ async def curve_of(site: Site, job: Job, gammas: Sequence[float] | None = None) 
     )
 
 
+async def course_of(site: Site, job: Job) -> Course:
+    return await site.link.ask(
+        ("course", job.id, job.status, None if job.status in OVER else job.rollouts),
+        lambda client: client.course(job.id),
+        _keep_s(job),
+    )
+
+
 def _default_curve(client: Client, job: str) -> Curve:
     """From the API's own range of thresholds, which knows the job's measure."""
     return msgspec.json.decode(
@@ -132,9 +150,9 @@ async def course(site: Site, request: Request) -> dict[str, Any]:
     """The estimate against rollouts, and p against the threshold."""
     job = await job_of(site, request)
     steps, curve = await steps_of(site, job), await curve_of(site, job)
-    estimate = await estimate_of(site, job)
+    estimate, came_in = await estimate_of(site, job), await course_of(site, job)
     charts = [
-        job_charts.estimate_against_rollouts(job, steps.estimate, steps.training),
+        job_charts.estimate_against_rollouts(job, came_in, steps.estimate),
         job_charts.probability_against_threshold(job, curve, estimate),
     ]
     return {"figures": [figure(chart) for chart in charts]}
@@ -183,8 +201,8 @@ def _text(value: Any) -> str:
 
 
 HEAD = Part("head", "State", head, ALL_KINDS)
-ANSWER = Part("answer", "Estimate", answer, ("status", "iteration"))
-COURSE = Part("course", "Estimate against rollouts and thresholds", course, ("status", "iteration"))
+ANSWER = Part("answer", "Estimate", answer, ALL_KINDS)
+COURSE = Part("course", "Estimate against rollouts and thresholds", course, ALL_KINDS)
 SEARCH = Part("search", "Search by iteration", search, ("status", "iteration"))
 COST = Part("cost", "Cost and settings", cost, ("status", "iteration"))
 PARTS = (HEAD, ANSWER, COURSE, SEARCH, COST)

@@ -5,27 +5,30 @@ from functools import partial
 from math import sqrt
 from statistics import NormalDist
 
-from service.analysis.wording import count, level, quantity, significant
+from service.analysis.wording import DIGITS, count, level, quantity, significant
 from service.front.dashboard.charts import Chart, Mark, Series
-from service.remote.api.objects import Curve, Estimate, EstimateStep, Job, SearchStep
+from service.remote.api.objects import Course, Curve, Estimate, EstimateStep, Job, SearchStep
 
 FEW = 20.0  # times between smallest and largest p, above which the axis is logarithmic
 
 
-def estimate_against_rollouts(job: Job, steps: Sequence[EstimateStep], training: int) -> Chart:
-    """p and its interval after each batch. training: rollouts spent before."""
-    known = [step for step in steps if step.p is not None]
-    p = [step.p or 0.0 for step in known]
-    ends = [e for step in known for e in (step.low, step.high) if e]
-    confidence = level(float(job.options.get("confidence", 0.95)))
+def estimate_against_rollouts(job: Job, course: Course, batches: Sequence[EstimateStep]) -> Chart:
+    """p and its interval as rollouts came in, those of the search before them; of replications, which have one point,
+    after each batch that has finished some."""
+    points = list(zip(course.rollouts, course.p, course.low, course.high, strict=True))
+    if len(points) < 2:
+        points = [(b.rollouts, b.p, b.low, b.high) for b in _changed(batches)] or points
+    known = [(course.training + n, p, low, high) for n, p, low, high in points if p is not None]
+    p = [one[1] for one in known]
+    ends = [e for one in known for e in one[2:] if e]
+    sure, training = level(course.confidence), course.training
     after = f" after {count(training)} rollouts of training" if training else ""
     shows = (
-        f"The estimate of p{after}, from {significant(p[0], 2)} at first to {significant(p[-1], 2)} now, "
-        f"with its {confidence} interval."
+        f"The estimate of p{after}, from {significant(p[0], DIGITS)} at first to {significant(p[-1], DIGITS)} now, "
+        f"with its {sure} interval."
         if known
         else ""
     )
-    marks = (Mark("x", float(training), "training ends"),) if training else ()
     return Chart(
         id="chart-estimate",
         title="Estimate against rollouts",
@@ -33,18 +36,22 @@ def estimate_against_rollouts(job: Job, steps: Sequence[EstimateStep], training:
         x_label="rollouts" + (", training counted" if training else ""),
         y_label="p",
         series=(
-            Series(
-                "p",
-                [training + step.rollouts for step in known],
-                p,
-                [s.low for s in known],
-                [s.high for s in known],
-            ),
+            Series("p", [one[0] for one in known], p, [one[2] for one in known], [one[3] for one in known]),
         ),
-        marks=marks,
-        y_log=_is_wide([*p, *ends]),
-        note=f"Band: {confidence} interval.",
+        marks=(Mark("x", float(training), "training ends"),) if training else (),
+        y_log=_is_wide([*p[len(p) // 4 :], *ends[len(ends) // 4 :]]),
+        x_include=(0.0,),
+        note=f"Band: {sure} interval.",
     )
+
+
+def _changed(batches: Sequence[EstimateStep]) -> list[EstimateStep]:
+    """Those at which the estimate was another than before."""
+    found: list[EstimateStep] = []
+    for one in batches:
+        if one.p is not None and (not found or one.p != found[-1].p):
+            found.append(one)
+    return found
 
 
 def probability_against_threshold(job: Job, curve: Curve, estimate: Estimate) -> Chart:
@@ -101,6 +108,7 @@ def of_the_search(job: Job, search: Sequence[SearchStep], estimate: Sequence[Est
                 title="Threshold of the search",
                 shows=f"The threshold gamma k of each iteration; the search aims at {quantity(job.gamma, job.unit)}.",
                 x_label="iteration",
+                x_whole=True,
                 y_label=axis("γ_k", job.unit),
                 series=(Series("γ_k", x, [step.gamma_k for step in search]),),
                 marks=(Mark("y", job.gamma, f"γ = {quantity(job.gamma, job.unit)}"),),
@@ -113,6 +121,7 @@ def of_the_search(job: Job, search: Sequence[SearchStep], estimate: Sequence[Est
                     title="How far the proposal moved",
                     shows="Kullback-Leibler divergence of the proposal from P0 at each iteration.",
                     x_label="iteration",
+                    x_whole=True,
                     y_label="nats from P₀",
                     series=(Series("KL", x, [step.kl for step in search]),),
                     y_include=(0.0,),
@@ -123,7 +132,7 @@ def of_the_search(job: Job, search: Sequence[SearchStep], estimate: Sequence[Est
         numbers: list[float | None] = [float(i) for i in range(1, len(both) + 1)]
         marks = (Mark("x", len(search) + 0.5, "estimate begins"),) if search and estimate else ()
         ess = [step.ess for step in both]
-        by_batch = partial(Chart, x_label="batch", marks=marks)
+        by_batch = partial(Chart, x_label="batch", x_whole=True, marks=marks)
         charts += [
             by_batch(
                 id="chart-ess",
