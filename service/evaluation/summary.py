@@ -91,7 +91,14 @@ def known(estimate: ce.Estimate) -> bool:
 
 
 # warnings under which not even the interval can be relied on
-NOT_AN_ANSWER = {"no-rollouts", "threshold-not-reached", "dominant-weight", "heavy-tailed-weights"}
+NOT_AN_ANSWER = {
+    "disputed",
+    "job-failed",
+    "no-rollouts",
+    "threshold-not-reached",
+    "dominant-weight",
+    "heavy-tailed-weights",
+}
 
 
 def withheld_for(warnings: Iterable[str], training: int) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import urllib.request
 from functools import partial
@@ -51,10 +52,18 @@ class Scheduler:
         self.queryables = [
             self.session.declare_queryable(key, self._reply) for key in ("tailroad/v1/**", "other/**")
         ]
-        self.subscriber = self.session.declare_subscriber(
-            "**", lambda sample: self.put.append(str(sample.key_expr))
-        )
+        self._heard = threading.Semaphore(0)
+        self.subscriber = self.session.declare_subscriber("**", self._hear)
         self.events = self.session.declare_publisher(EVENTS)
+
+    def _hear(self, sample: zenoh.Sample) -> None:
+        self.put.append(str(sample.key_expr))
+        self._heard.release()
+
+    def tell(self, news: bytes) -> None:
+        """Publish an event; this side's own subscriber, which hears it in a thread of its own, is done with it."""
+        self.events.put(news)
+        assert self._heard.acquire(timeout=PATIENCE_S)
 
     def _reply(self, query: zenoh.Query) -> None:
         self.asked.append(str(query.key_expr))
@@ -130,7 +139,7 @@ def test_a_client_submits_and_reads_and_follows_events(scheduler, session_of):
     received = zenoh.handlers.FifoChannel(8)
     subscriber = client.declare_subscriber("tailroad/v1/jobs/*/events", received)
     assert answers(client, JOB) == [b"granted"]  # the subscription has arrived
-    scheduler.events.put(b"news")
+    scheduler.tell(b"news")
     assert subscriber.recv().payload.to_bytes() == b"news"
 
 

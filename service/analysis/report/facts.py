@@ -42,6 +42,7 @@ from service.analysis.risk import POLICE_REPORTED, Baseline, Risk, event_of, rat
 from service.analysis.thresholds import curve_gammas
 from service.analysis.wording import treatment
 from service.evaluation import record as records_of_jobs
+from service.evaluation.doubts import DOUBTS, told
 from service.evaluation.job import Job
 from service.evaluation.record import JobRecord
 from service.evaluation.summary import Cost, comparisons, json_ready, summary_of, withheld_for
@@ -247,17 +248,19 @@ def _headline(jobs: Sequence[JobFacts]) -> Headline:
         return (not job.converged, not job.finished, width)
 
     best = min(jobs, key=order)
+    doubt = "; ".join(told(w.name, w.message, w.remedy) for w in best.warnings if w.name in DOUBTS)
     return Headline(
         job=best.id,
         by_method=best.by_method,
         answer=best.answer,
         answer_interval=best.answer_interval,
-        settled=best.converged,
+        settled=best.converged and not doubt,
         p=best.p,
         ci=best.ci,
         confidence=best.confidence,
         rollouts=best.rollouts.total,
         failures=treatment(best.rollouts.failed, best.rollouts.total),
+        doubt=doubt,
     )
 
 

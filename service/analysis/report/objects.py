@@ -28,6 +28,7 @@ class Headline(_Fact, frozen=True):
 
     settled: without warnings about itself
     failures: how failed rollouts were treated in p, "" where none failed
+    doubt: what its record holds against it ("Disputed: ..."), "" for nothing
     """
 
     job: str
@@ -40,6 +41,7 @@ class Headline(_Fact, frozen=True):
     confidence: float
     rollouts: int
     failures: str = ""
+    doubt: str = ""
 
 
 class ScenarioFacts(_Fact, frozen=True):

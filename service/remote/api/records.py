@@ -2,13 +2,17 @@
 
 import threading
 from collections import OrderedDict
+from dataclasses import replace
 
+import ce
+from service.evaluation.doubts import with_doubts
 from service.evaluation.record import JobRecord
 from service.evaluation.store.jobs import Mark
 from service.remote.fleet.service import Fleet
 
 KEPT = 4
-State = tuple[str, Mark]  # a job and how its record is: equal ones give equal answers
+# a job, how its record is, and what is doubted of it: equal ones give equal answers
+State = tuple[str, Mark, tuple[ce.EstimateWarning, ...]]
 
 
 class Records:
@@ -21,7 +25,7 @@ class Records:
 
     def state(self, job: str) -> State:
         """What a record of the job would be of now; NoSuchJob where there is no such job."""
-        return job, self.fleet.mark(job)
+        return job, self.fleet.mark(job), self.fleet.doubts(job)
 
     def record(self, state: State, gamma: float | None = None, outcome: str | None = None) -> JobRecord:
         """The record.
@@ -36,6 +40,7 @@ class Records:
                 self._kept.move_to_end(key)
         if known is None:
             known = self.fleet.record(state[0], gamma, outcome)
+            known = replace(known, estimate=with_doubts(known.estimate, state[2]))
             with self._lock:
                 for old in [k for k in self._kept if k[0][0] == state[0] and k[0] != state]:
                     del self._kept[old]

@@ -12,6 +12,7 @@ import msgspec
 
 import ce
 from service.errors import InputError, StoreError
+from service.evaluation.doubts import DISPUTED, failed_job, with_doubts
 from service.evaluation.endings import endings_of
 from service.evaluation.failed_share import MAX_FAILED
 from service.evaluation.job import Job
@@ -210,8 +211,17 @@ class Fleet:
         found = self._estimate(job, gamma, confidence, read)
         cost.add(read.worker_s, read.steps * row.job.scenario.time.step_s, read.in_sumo)
         endings = endings_of(found, read.chunks)
+        found = with_doubts(found, self.doubts(job))
         told = summary_of(msgspec.structs.replace(row.job, gamma=found.gamma), found, cost, endings)
         return told | WITHHELD if row.status == "failed" else told
+
+    def doubts(self, job: str) -> tuple[ce.EstimateWarning, ...]:
+        """What its record has to say of the job's estimate now."""
+        row = self._row(job)
+        if row.status == "failed":
+            return (failed_job(row.reason),)
+        disputed = self._hub.call(lambda scheduler: scheduler.disputed(job)).result()
+        return (DISPUTED,) if disputed else ()
 
     def curve(self, job: str, gammas: Sequence[float], confidence: float | None = None) -> ce.Curve:
         """p and its pointwise interval at each threshold, from the same rollouts."""

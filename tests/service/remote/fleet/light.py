@@ -162,11 +162,17 @@ class LightFleet:
     """A hub, its database and its router in this process."""
 
     def __init__(
-        self, folder: Path, policy: Policy, clock: Callable[[], float] | None = None, lock_wait_s: float = 0.2
+        self,
+        folder: Path,
+        policy: Policy,
+        clock: Callable[[], float] | None = None,
+        lock_wait_s: float = 0.2,
+        referee: Referee | None = None,
     ):
         self.port = free_port()
         self.store = JobStore(f"sqlite:///{folder / 'fleet.sqlite'}", lock_wait_s)
-        self.hub = Hub(self.store, policy, referee=LightReferee(), **({"clock": clock} if clock else {}))
+        given = {"clock": clock} if clock else {}
+        self.hub = Hub(self.store, policy, referee=referee or LightReferee(), **given)
         self.fleet = Fleet(self.hub)
         self._changed = threading.Condition()
         self.told: list[Event] = []
