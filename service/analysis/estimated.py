@@ -7,7 +7,7 @@ import msgspec
 from service.analysis.estimate_parts import EstimateWarning, Rollouts
 from service.analysis.notebook import estimate_html
 from service.analysis.wording import treatment
-from service.evaluation.summary import Ending
+from service.evaluation.summary import Ending, Impact
 
 
 class Estimated(msgspec.Struct, frozen=True, kw_only=True):
@@ -18,6 +18,7 @@ class Estimated(msgspec.Struct, frozen=True, kw_only=True):
     unit: of gamma
     ess: effective events
     endings: how its rollouts ended, with probabilities by the same weights
+    impacts: contacts at a speed or more, where the measure tells impact speeds
     workers, wall_s: of this sitting
     worker_s, sim_s: of all
     in_sumo: rollouts that SUMO drove; the others were compiled calls of the same bits
@@ -52,6 +53,7 @@ class Estimated(msgspec.Struct, frozen=True, kw_only=True):
     unit: str = ""
     measure: str = ""
     endings: tuple[Ending, ...] = ()
+    impacts: tuple[Impact, ...] = ()
 
     @property
     def in_short(self) -> str:

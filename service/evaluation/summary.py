@@ -9,10 +9,12 @@ import numpy as np
 
 import ce
 from service.evaluation.job import Job
-from service.world.scenario.measures import measure_kind
+from service.world.scenario.measures import IMPACT, measure_kind
 
 # warnings under which an importance-sampling variance estimate is itself unreliable
 SHAKY = {"no-rollouts", "no-events", "few-events", "dominant-weight", "heavy-tailed-weights"}
+
+IMPACT_SPEEDS_MPS = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
 
 
 class ContactKind(msgspec.Struct, frozen=True):
@@ -50,6 +52,36 @@ class Ending(msgspec.Struct, frozen=True):
     contacts: tuple[ContactKind, ...] = ()
 
 
+class Impact(msgspec.Struct, frozen=True):
+    """How probable a contact at a speed or more is, from the same rollouts.
+
+    mps: relative speed at the first touch, at least; 0: any contact
+    rollouts: with such a contact, of those that the estimate is made of, as drawn
+    p: its probability under P0; None where no rollout is there yet
+    ci: interval of p, with the estimate's confidence
+    """
+
+    mps: float
+    rollouts: int
+    p: float | None
+    ci: tuple[float, float]
+
+
+def impacts_of(job: Job, estimate: ce.Estimate) -> tuple[Impact, ...]:
+    """p of contacts at IMPACT_SPEEDS_MPS or more, those of the event alone; none where the measure tells no impact
+    speeds or there is no estimate."""
+    speeds = [v for v in IMPACT_SPEEDS_MPS if -v <= job.gamma]
+    if job.scenario.safety.measure != IMPACT or not speeds or not known(estimate):
+        return ()
+    curve = estimate.curve([0.0 - v for v in speeds])
+    return tuple(
+        Impact(
+            v, int(curve.events[i]), _number(float(curve.p[i])), (float(curve.low[i]), float(curve.high[i]))
+        )
+        for i, v in enumerate(speeds)
+    )
+
+
 def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost", endings: Sequence[Ending]) -> dict[str, Any]:
     """The object that `tailroad estimate --json` prints."""
     low, high = estimate.ci if known(estimate) else (0.0, 1.0)
@@ -77,6 +109,7 @@ def summary_of(job: Job, estimate: ce.Estimate, cost: "Cost", endings: Sequence[
         "measure": job.scenario.safety.measure,
         "unit": measure_kind(job.scenario.safety.measure).unit,
         "endings": msgspec.to_builtins(endings),
+        "impacts": msgspec.to_builtins(impacts_of(job, estimate)),
         "ego": job.ego,
         "seed": job.seed,
         "options": job.options,

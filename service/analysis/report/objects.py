@@ -13,7 +13,7 @@ from service.analysis.learned.objects import Learned
 from service.analysis.prevention.objects import Prevention
 from service.analysis.risk import Risk
 from service.analysis.severity.objects import Severity
-from service.evaluation.summary import Ending
+from service.evaluation.summary import Ending, Impact
 
 FORMAT = 2
 Number = float | None
@@ -222,6 +222,7 @@ class JobFacts(_Fact, frozen=True):
     estimation: tuple[EstimationStep, ...]
     outcomes: dict[str, dict[str, int]]  # by phase
     endings: tuple[Ending, ...]
+    impacts: tuple[Impact, ...]
     failures: FailedRollouts
     driver_shift: DriverShift | None
     worker_s: float

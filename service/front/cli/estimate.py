@@ -197,6 +197,13 @@ def _table(summaries: Sequence[dict[str, Any]], against: dict[str, dict[str, Any
         row(f"ended with {outcome}", [_ending(s, outcome) for s in summaries])
         for kind in dict.fromkeys(kind for s in summaries for kind in _contacts(s, outcome)):
             row(f"  {kind}", [_chance(_contacts(s, outcome).get(kind)) for s in summaries])
+    for mps in dict.fromkeys(i["mps"] for s in summaries for i in s["impacts"] if i["rollouts"]):
+        if mps == -summaries[0]["gamma"]:
+            continue  # p itself
+        row(
+            f"contact at {mps:g} m/s or more" if mps else "contact",
+            [_chance(next((i for i in s["impacts"] if i["mps"] == mps), None)) for s in summaries],
+        )
     if against:
         for label, key in (
             ("ratio of rare events", "ratio_of_rare_events"),

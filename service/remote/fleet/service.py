@@ -39,6 +39,7 @@ WITHHELD = {
     "std_error": None,
     "ci": [0.0, 1.0],
     "efficiency_vs_naive": None,
+    "impacts": [],
 }  # of a job that failed
 
 

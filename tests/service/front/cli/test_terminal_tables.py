@@ -69,11 +69,14 @@ def test_a_list_of_jobs_keeps_its_ids_whole(capsys):
 def estimated(job: str, gamma: float = 0.5, seed: int = 1) -> dict:
     """What a job came to, in numbers as wide as they get."""
     span = [1.23e-5, 9.87e-5]
-    ending = {"outcome": "collision", "p": 4.56e-5, "ci": span, "rollouts": 12_345}
+    chance = {"p": 4.56e-5, "ci": span, "rollouts": 12_345}
+    sides = {"ego_side": "left", "other_side": "right", "name": "the ego's left side, the other's right side"}
+    ending = {"outcome": "collision", "contacts": [sides | chance]} | chance
     return {"job": job, "method": job.split("-")[0], "gamma": gamma, "unit": "s", "measure": "ttc", "seed": seed,
             "scenario": "i80-paper-10s", "ego": "lidar-paper", "p": 4.56e-5, "std_error": 1.2e-6, "ci": span,
             "confidence": 0.95, "variance_reliable": False, "events": 12_345, "ess": 1234.5, "max_weight_share": 0.123,
             "rollouts": {"total": 200_000, "training": 123_456, "failed": 0}, "endings": [ending], "in_sumo": 2_000,
+            "impacts": [{"mps": 2.0} | chance],
             "worker_s": 12_345.0, "x_realtime_per_core": 800.0, "warnings": []}  # fmt: skip
 
 
@@ -95,7 +98,10 @@ def test_estimates_keep_intervals_and_job_ids_whole_and_thresholds_have_their_ow
         assert f"{s['job']}-2" in second
     for part in (first, second):
         assert part.count("1.23e-05 to 9.87e-05") == 5  # its interval
-        assert part.count("1.2e-05 to 9.9e-05") == 5  # of its ending
+        assert (
+            part.count("1.2e-05 to 9.9e-05") == 15
+        )  # of its ending, the sides that met, and an impact speed
+        assert "contact at 2 m/s or more" in " ".join(part.replace("│", " ").split())
         assert part.count("123.40") == 4
 
 

@@ -71,6 +71,16 @@ def test_an_older_record_says_that_contacts_are_not_recorded_and_comes_to_the_sa
     assert {kind["name"] for kind in _collision(older)["contacts"]} == {"sides not recorded"}
 
 
+def test_contacts_at_a_speed_or_more_come_from_the_same_run(run: Path):
+    estimate = tailroad.resume(run, workers=1).estimate
+    impacts = estimate.impacts
+    assert [impact.mps for impact in impacts] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    assert (impacts[0].p, impacts[0].ci, impacts[0].rollouts) == (estimate.p, estimate.ci, estimate.events)
+    f = tailroad.resume(run, workers=1).to_polars()["f"]
+    assert [impact.rollouts for impact in impacts] == [int((f <= -v).sum()) for v in range(6)]
+    assert all(impact.ci[0] <= impact.p <= impact.ci[1] for impact in impacts)
+
+
 def _collision(run: Path) -> dict:
     endings = tailroad.resume(run, workers=1).estimate.endings
     return next(msgspec.to_builtins(e) for e in endings if e.outcome == "collision")
