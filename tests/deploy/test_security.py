@@ -18,6 +18,7 @@ from click.testing import CliRunner
 
 from service.errors import InputError
 from service.front.cli.main import main
+from service.remote.api.routes import READ as READ_KEYS
 from service.remote.api.routes import TOPS
 from service.remote.client import Client, NoAnswer
 from service.remote.fleet.zenoh_link import client_session, router_session
@@ -26,6 +27,7 @@ SCRIPT = Path(__file__).parents[2] / "deploy" / "zenoh" / "make-security"
 WORK = "tailroad/v1/fleet/w1/work"
 ALIVE = "tailroad/v1/fleet/{}/alive"
 JOB = "tailroad/v1/jobs/a"
+READ = "tailroad/v1/read/jobs/a"
 EVENTS = "tailroad/v1/jobs/a/events"
 PATIENCE_S = 30.0
 
@@ -143,6 +145,23 @@ def test_a_client_submits_and_reads_and_follows_events(scheduler, session_of):
     assert subscriber.recv().payload.to_bytes() == b"news"
 
 
+def test_a_reader_asks_below_read_and_follows_events_and_does_nothing_else(scheduler, session_of):
+    reader = session_of("reader")
+    assert answers(reader, READ) == [b"granted"]
+    received = zenoh.handlers.FifoChannel(8)
+    subscriber = reader.declare_subscriber("tailroad/v1/jobs/*/events", received)
+    assert answers(reader, READ) == [b"granted"]  # the subscription has arrived
+    scheduler.tell(b"news")
+    assert subscriber.recv().payload.to_bytes() == b"news"
+    for key in ("tailroad/v1/jobs", JOB, f"{JOB}/cancel", f"{JOB}/pause", WORK, "tailroad/v1/**"):
+        assert [r for r in reader.get(key, payload=b"{}", timeout=PATIENCE_S) if r.ok] == []
+    scheduler.put.clear()
+    reader.put(EVENTS, b"a lie")
+    assert answers(reader, READ) == [b"granted"]  # what was sent before it has been refused
+    assert set(scheduler.asked) == {READ}
+    assert scheduler.put == []
+
+
 def test_a_client_cannot_pass_for_a_worker(scheduler, session_of):
     client = session_of("client")
     token = client.liveliness().declare_token(ALIVE.format("liar"))
@@ -167,7 +186,7 @@ def test_nobody_answers_in_the_scheduler_s_place(scheduler, session_of, role):
     assert heard == []
 
 
-@pytest.mark.parametrize("role", ["worker", "client"])
+@pytest.mark.parametrize("role", ["worker", "client", "reader"])
 def test_no_role_reaches_keys_outside_the_service(scheduler, session_of, role):
     session = session_of(role)
     assert answers(session, "other/thing") == []
@@ -303,7 +322,7 @@ def test_without_keys_of_their_own_workers_and_dashboard_are_refused_with_what_t
 def test_clients_have_a_right_to_every_key_of_the_api():
     text = (SCRIPT.parent / "scheduler.json5").read_text(encoding="utf-8")
     granted = set(re.findall(r'"tailroad/v1/([a-z]+)(?:/\*{1,2})?"', text))
-    assert granted == {*TOPS}
+    assert granted == {*TOPS, READ_KEYS}
 
 
 def test_a_worker_host_has_a_certificate_of_its_own_and_is_shut_out_by_it_alone(tmp_path):

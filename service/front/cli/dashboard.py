@@ -40,7 +40,9 @@ def _checked(ctx: click.Context, param: click.Parameter, value: str) -> Any:
               help="Host name, beside localhost and IP addresses, that browsers may call it by, behind a proxy for "
               "instance; once for each.")  # fmt: skip
 @click.option(
-    "--read-only", is_flag=True, help="Show all and change nothing: no submitting, cancelling, pausing."
+    "--read-only",
+    is_flag=True,
+    help="Show all and change nothing: no submitting, cancelling, pausing. So with the configuration of a reader.",
 )
 @zenoh_config_option()
 @click.option("--timeout", type=click.FloatRange(0.1, 3600), default=20.0, show_default=True,
@@ -69,8 +71,8 @@ def command(
     host, port = address
     if not _is_loopback(host):
         click.echo(f"warning: whoever reaches {host} may use this dashboard; it has no log-in", err=True)
-    with Client(connect, zenoh_config, timeout, patience_s=0.0) as client:
-        dashboard = Dashboard(client, host, port, names, read_only)
+    with Client(connect, zenoh_config, timeout, patience_s=0.0, read_only=read_only) as client:
+        dashboard = Dashboard(client, host, port, names, client.read_only)
         if parent is not None:
             end_with_parent(parent)
         shown = f"[{host}]" if ":" in host else host

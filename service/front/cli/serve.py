@@ -48,7 +48,8 @@ LOOPBACK = ("/127.", "/localhost:", "/[::1]")
 @click.option(
     "--dashboard-config",
     type=click.Path(exists=True, dir_okay=False),
-    help="With --zenoh-config: the configuration of the dashboard, a client.  [default: client.json5 beside it]",
+    help="With --zenoh-config: the configuration of the dashboard, a client, or a reader for one that changes "
+    "nothing.  [default: client.json5 beside it]",
 )
 def command(
     listen: tuple[str, ...],

@@ -76,11 +76,11 @@ class Application:
             if payload is not None and len(payload) > self.limits.body_bytes:
                 text = f"a body of {len(payload)} bytes; this service takes at most {self.limits.body_bytes}"
                 raise ApiError("too-large", text)
-            if (name := key.removeprefix("schemas/")) != key:
+            if (name := _of_read(key).removeprefix("schemas/")) != _of_read(key):
                 action = "schema"
                 answer = Answer(200, self._schema(name))
             else:
-                route, names = routes.find(key, bool(payload))
+                route, names = self._route(key, bool(payload))
                 action = route.action
                 answer = self._encoded(self._do(route, names, parameters, payload))
         except Exception as error:
@@ -129,6 +129,18 @@ class Application:
             return handler(reading.body(route.body, payload or b""))
         return handler(asked, **names)
 
+    def _route(self, key: str, payload: bool) -> tuple[routes.Route, dict[str, str]]:
+        """The route of a key and what it names; ApiError for one that changes something, asked for as a reader."""
+        below = _of_read(key)
+        route, names = routes.find(below, payload)
+        if below != key and route.order:
+            raise ApiError(
+                "forbidden",
+                f"the read-only role may not {route.action}: {routes.PREFIX}/{routes.READ} takes no orders; use the "
+                f"keys of a client, and {routes.PREFIX}/{short(below)}",
+            )
+        return route, names
+
     def _schema(self, name: str) -> bytes:
         if name not in self._schemas:
             raise ApiError(
@@ -146,3 +158,8 @@ class Application:
             raise ApiError(
                 "too-many-requests", f"try again in {wait_s:.2g} s", retry_after_s=round(wait_s, 3)
             )
+
+
+def _of_read(key: str) -> str:
+    """The key without what a reader asks below."""
+    return key.removeprefix(f"{routes.READ}/")

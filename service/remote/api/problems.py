@@ -16,6 +16,7 @@ TITLES = {  # kind -> HTTP status, title
     "bad-body": (400, "The body is not as it must be"),
     "bad-scenario": (422, "The scenario cannot be used"),
     "bad-job": (422, "The job cannot be run as asked"),
+    "forbidden": (403, "This side may only read"),
     "no-such-key": (404, "There is no such key"),
     "no-such-job": (404, "There is no such job"),
     "not-found": (404, "There is no such thing"),

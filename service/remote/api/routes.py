@@ -16,6 +16,9 @@ from service.remote.api import requests as R
 from service.remote.api.problems import ApiError, Wrong, short
 
 PREFIX = "tailroad/v1"
+READ = (
+    "read"  # below PREFIX/READ every key is answered that changes nothing: all that a read-only role may ask
+)
 # first parts of the keys
 TOPS = (
     "about",

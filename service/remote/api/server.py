@@ -15,7 +15,7 @@ from service.remote.api.catalogue import Catalogue
 from service.remote.api.limits import Limits
 from service.remote.api.problems import ApiError
 from service.remote.api.results import finite, wire_event
-from service.remote.api.routes import PREFIX, TOPS
+from service.remote.api.routes import PREFIX, READ, TOPS
 from service.remote.fleet.service import Fleet
 
 log = logging.getLogger("tailroad.api")
@@ -48,7 +48,7 @@ class Api:
         self._publisher.start()
         fleet.listen(self._on_event)
         keys = [f"{PREFIX}/{top}" for top in TOPS if top not in ("jobs", "schemas")]
-        keys += [f"{PREFIX}/jobs/**", f"{PREFIX}/schemas/*"]
+        keys += [f"{PREFIX}/jobs/**", f"{PREFIX}/schemas/*", f"{PREFIX}/{READ}/**"]
         self._queryables = [session.declare_queryable(key, self._on_query) for key in keys]
         self._queryables.append(session.declare_queryable(f"{PREFIX}/*", self._on_any))
 

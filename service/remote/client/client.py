@@ -11,8 +11,10 @@ import msgspec
 from service.closing import Closing
 from service.remote.api import objects as O
 from service.remote.api.requests import Submission
+from service.remote.api.routes import READ
 from service.remote.client.errors import NoAnswer, Refused
 from service.remote.client.line import Line, Subscription
+from service.remote.fleet.sessions import is_reader
 
 if TYPE_CHECKING:
     from service.analysis.comparison.objects import Comparison
@@ -35,6 +37,7 @@ class Client(Closing):
 
     timeout_s: for an answer
     patience_s: for one that the service still computes, and for one that comes late while a job is watched
+    read_only: ask as a reader, from whom the service takes no orders; so does the configuration of a reader
 
     Methods may be called from any thread. They raise Refused where the service refuses, NoAnswer where nobody answers
     in time.
@@ -46,8 +49,12 @@ class Client(Closing):
         zenoh_config: str | None = None,
         timeout_s: float = 20.0,
         patience_s: float = PATIENCE_S,
+        read_only: bool = False,
     ):
-        self._line = Line([connect] if isinstance(connect, str) else list(connect), zenoh_config, timeout_s)
+        self.read_only = read_only or is_reader(zenoh_config)
+        self._prefix = f"{PREFIX}/{READ}" if self.read_only else PREFIX
+        where = [connect] if isinstance(connect, str) else list(connect)
+        self._line = Line(where, zenoh_config, timeout_s, f"{self._prefix}/about")
         self._patience_s = patience_s
         self._met = False  # whether anybody has answered yet
 
@@ -251,7 +258,7 @@ class Client(Closing):
 
     def get(self, selector: str, payload: bytes | None = None) -> bytes:
         """The JSON at any key below tailroad/v1/, with its parameters, as in jobs/ID/estimate?gamma=0.14."""
-        return self._wait(f"{PREFIX}/{selector.removeprefix(PREFIX + '/')}", payload)
+        return self._wait(selector.removeprefix(PREFIX + "/"), payload)
 
     # -- inside ----------------------------------------------------------------------------------------------
 
@@ -268,7 +275,7 @@ class Client(Closing):
         """The answer; where it is being computed, when it is there."""
         until = time.monotonic() + self._patience_s
         while True:
-            ok, body = self._line.ask(selector, payload)
+            ok, body = self._line.ask(f"{self._prefix}/{selector}", payload)
             self._met = True
             if ok:
                 return body
@@ -295,7 +302,7 @@ class Client(Closing):
 
 def _selector(key: str, parameters: dict[str, Any]) -> str:
     text = ";".join(f"{k}={quote(str(v), safe=',')}" for k, v in parameters.items() if v is not None)
-    return f"{PREFIX}/{key}" + (f"?{text}" if text else "")
+    return key + (f"?{text}" if text else "")
 
 
 def _over(event: O.Event) -> bool:

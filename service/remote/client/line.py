@@ -11,7 +11,6 @@ from service.errors import InputError
 from service.remote.client.errors import NoAnswer
 from service.remote.fleet.sessions import NotAdmitted, SessionError, client_session
 
-ABOUT = "tailroad/v1/about"
 AGAIN_S = (0.2, 0.5, 1.0)  # pauses before a question is asked again that got an empty answer
 QUIET_S = 5.0  # after which a line may be broken unnoticed
 JSON = zenoh.Encoding.APPLICATION_JSON
@@ -42,10 +41,18 @@ class Line:
     """A session with the service at one of the endpoints, opened when first needed.
 
     timeout_s: for a connection, and for an answer
+    about: a key that is always answered
     """
 
-    def __init__(self, connect: Sequence[str], zenoh_config: str | None, timeout_s: float):
+    def __init__(
+        self,
+        connect: Sequence[str],
+        zenoh_config: str | None,
+        timeout_s: float,
+        about: str = "tailroad/v1/about",
+    ):
         self._connect, self._config, self._timeout_s = list(connect), zenoh_config, timeout_s
+        self._about = about
         self._lock = threading.Lock()
         self._open: zenoh.Session | None = None
         self._heard = float("-inf")  # when an answer came last
@@ -54,7 +61,9 @@ class Line:
         """Whether it is an answer and not a problem, and the JSON; NoAnswer where none came."""
         session = self._session()
         if payload is not None and time.monotonic() - self._heard > QUIET_S:
-            self._asked(session, ABOUT, None)  # an order is given once, so over a line that is known to live
+            self._asked(
+                session, self._about, None
+            )  # an order is given once, so over a line that is known to live
         found = self._asked(session, selector, payload)
         self._heard = time.monotonic()
         return found

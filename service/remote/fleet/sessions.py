@@ -12,6 +12,7 @@ from service.errors import InputError
 
 ADMITTED_S = 5.0  # in which somebody who listens lets this side in
 PROBE_S = 1.0
+READER = "reader"  # the role that may only read, in a configuration's metadata
 TAKEN = "Address already in use"
 
 zenoh.init_log_from_env_or("error")
@@ -73,6 +74,14 @@ def client_session(
             if not told:
                 report(str(refused if listening else error))
                 told = True
+
+
+def is_reader(config_file: str | None) -> bool:
+    """Whether a Zenoh configuration is of the read-only role, as make-security writes it."""
+    if config_file is None:
+        return False
+    told = json.loads(_config(config_file).get_json("metadata"))
+    return isinstance(told, dict) and told.get("tailroad") == READER
 
 
 def _listens(endpoint: str) -> bool:
