@@ -77,8 +77,8 @@ def compare(
 
     what: a scenario, as of `estimate`, with `egos` as names, classes, functions or instances; or run directories or
         Runs, without egos.
-    method: of a scenario: default naive, whose rollouts are the same draws for every ego; of runs: which of their jobs,
-        default one that all have.
+    method: of a scenario: default naive, whose rollouts alone are the same draws for every ego; of
+        runs: which of their jobs, default one that all have.
     gamma: needed for a scenario; of runs default their own.
     examine: dangerous rollouts of each at most that are run again and grouped into failure modes.
     out: folder of the run directories; what it holds already is gone on with.

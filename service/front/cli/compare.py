@@ -47,6 +47,9 @@ def command(
 ) -> None:
     """Compare egos on SCENARIO (--ego A --ego B ...), run on the same draws, or finished runs.
 
+    The same draws are those of naive Monte Carlo, which is therefore the method here, however rare the event; with
+    another --method each ego has draws of its own.
+
     Each against each that stands before it: difference and ratio of p with intervals, p(gamma) of all, and which ways
     to fail came and went.
     """

@@ -28,7 +28,9 @@ REPORT_EVERY_S = 60.0  # where standard error is no terminal
 
 
 @click.command()
-@click.argument("name", type=click.Choice((*PLANS, "qualitative", "verdict", "scale", "peers")))
+@click.argument(
+    "name", metavar="NAME", type=click.Choice((*PLANS, "qualitative", "verdict", "scale", "peers"))
+)
 @click.option("--scale", type=click.Choice(SCALES), default="small", show_default=True,
               help="smoke: seconds; small: minutes; medium: an hour; large: hours; paper: the sizes of the "
               "paper.")  # fmt: skip
@@ -57,7 +59,7 @@ def command(
     workers: int | None,
     seed: int,
 ) -> None:
-    """Run an experiment of the paper again and write its page.
+    """Run the experiment NAME of the paper again and write its page.
 
     \b
     truth        the lidar ego by naive Monte Carlo alone

@@ -28,7 +28,8 @@ SCHEMAS = {
 
 
 @click.command()
-@click.argument("name", type=click.Choice(sorted(SCHEMAS)))
+@click.argument("name", metavar="NAME", type=click.Choice(sorted(SCHEMAS)))
 def command(name: str) -> None:
-    """Print the JSON Schema (2020-12) of an object: of `failures`, `replay` (failure), `compare`, the risk, ..."""
+    """Print the JSON Schema (2020-12) of NAME: acceptance, comparison, failure (of `replay`), failures, learned,
+    prevention, report, risk or severity."""
     click.echo(json.dumps(msgspec.json.schema(SCHEMAS[name]), indent=2))
