@@ -20,6 +20,7 @@ from service.world.scenario.schema import Scenario
 MOST_DRAWS = 4000  # dangerous rollouts whose starts are looked at: shifts to within 0.02 standard deviations
 LEAST_EFFECTIVE = 5.0  # rollouts of equal weight; with fewer no shift is reported
 LEAST_SHIFT_SD = 0.1  # a smaller shift matters to nobody, however sure it is
+# what a coordinate's key is called beside others, and its unit
 KINDS = {
     "station_m": ("position", "m"),
     "lane_offset_m": ("offset", "m"),
@@ -30,6 +31,12 @@ KINDS = {
     "glance_duration_s": ("glance", "s"),
     "glance_leak": ("glance", ""),
     "speed_mps": ("speed", "m/s"),
+}
+# ... and by itself, where that says more
+FULL_NAMES = {
+    "station_m": "position along the road",
+    "lane_offset_m": "offset from the lane's centre",
+    "lateral_mps": "speed across the lane",
 }
 UNITS = {"sun_elevation_deg": "deg", "sun_azimuth_deg": "deg", "visibility_m": "m", "rain_mmph": "mm/h"}
 

@@ -5,16 +5,22 @@ from typing import Any
 import numpy as np
 
 import ce
+from service.analysis.learned.parameters import FULL_NAMES, KINDS
 from service.analysis.report import ink
 from service.analysis.report.facts import XI_OUTPUTS, xi_shifts_sd
 from service.analysis.report.ink import Picture
-from service.analysis.report.words import PARAMETER_NAMES
 from service.analysis.wording import significant
 from service.evaluation.record import JobRecord
 from service.world.scenario.base import STARTS
 
 Facts = dict[str, Any]
 GRID = 120
+
+
+def _named(key: str) -> tuple[str, str]:
+    """What a coordinate of this key is called, and its unit."""
+    name, unit = KINDS[key]
+    return FULL_NAMES.get(key, name), unit
 
 
 def learned_pictures(record: JobRecord, learned: Facts) -> list[Picture]:
@@ -34,7 +40,7 @@ def marginals(record: JobRecord, proposal: ce.Product, parameter: int) -> Pictur
     """Base and proposal densities of one start parameter, a row a vehicle."""
     base = record.problem.base
     vehicles = record.job.scenario.vehicles
-    name, unit = PARAMETER_NAMES[record.job.scenario.start_names[parameter]]
+    name, unit = _named(record.job.scenario.start_names[parameter])
     columns = [STARTS * i + parameter for i in range(len(vehicles))]
     # cell centres: at the very ends a density may be infinite
     cells = (np.arange(GRID) + 0.5) / GRID
@@ -71,7 +77,7 @@ def spreads(record: JobRecord, learned: Facts, parameter: int) -> Picture:
     """Quantiles of one start under P0 and in the dangerous rollouts, a row a vehicle."""
     vehicles = record.job.scenario.vehicles
     key = record.job.scenario.start_names[parameter]
-    name, unit = PARAMETER_NAMES[key]
+    name, unit = _named(key)
     mine = [p for p in learned["parameters"] if p["name"].endswith(f".{key}") and p["vehicle"]]
     colour = ink.colour(record.job.method)
     sentences = []

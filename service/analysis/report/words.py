@@ -17,16 +17,10 @@ METHOD_NAMES = {
     "mixture": "mixture importance sampling",
     "splitting": "multilevel splitting",
     "auto": "automatic choice",
+    "paths": "splitting of paths",
 }
 BY_METHOD = METHOD_NAMES | {"ce": "the cross-entropy method"}
 ROAD_NAMES = {"i80": "I-80 at Emeryville", "us101": "US-101 in Los Angeles"}
-PARAMETER_NAMES = {
-    "station_m": ("position along the road", "m"),
-    "lane_offset_m": ("offset from the lane's centre", "m"),
-    "heading_deg": ("heading", "deg"),
-    "lateral_mps": ("speed across the lane", "m/s"),
-    "speed_mps": ("speed", "m/s"),
-}
 FLAGS = (*COMMON, *FLAGS_OF_CE)  # options that `tailroad estimate` has a flag for
 
 
