@@ -188,6 +188,14 @@ class JobStore(Closing):
             .order_by(events.c.number)
             .limit(limit)
         )
+        return self._events(query)
+
+    def events_of(self, job_id: str, kind: str) -> list[Event]:
+        """All that the job told of one kind, in order."""
+        query = sa.select(events).where(events.c.job == job_id, events.c.kind == kind)
+        return self._events(query.order_by(events.c.number))
+
+    def _events(self, query: sa.Select) -> list[Event]:
         return [
             Event(row.job, row.number, row.kind, msgspec.json.decode(row.body), row.at)
             for row in self._read(query)

@@ -37,7 +37,10 @@ class Assignment:
         return any(job.phase is Phase.WORKING and job.pending for job in self._state.jobs.values())
 
     def _audit(self, worker: WorkerState, ask: Ask) -> Lease | None:
-        audit = self._auditing.wanted(worker, self._state.jobs, self._workers)
+        jobs = self._state.jobs
+        audit = self._auditing.wanted(worker, jobs, self._workers) or self._auditing.repeats.wanted(
+            worker, jobs
+        )
         if audit is None:
             return None
         job = self._state.jobs[audit.key.job]

@@ -5,17 +5,19 @@ from service.remote.fleet.audits import Audit, chosen
 from service.remote.fleet.jobs import JobState
 from service.remote.fleet.messages import ChunkKey, Drawn
 from service.remote.fleet.policy import Policy
+from service.remote.fleet.repeats import Repeats
 from service.remote.fleet.tickets import Ticket
 from service.remote.fleet.workers import Held, Workers, WorkerState
 
 
 class Auditing:
-    """The open audits."""
+    """The open audits, and what is repeated of black boxes."""
 
     def __init__(self, policy: Policy, secret: bytes):
         self._policy = policy
         self._secret = secret
         self.open: dict[ChunkKey, Audit] = {}
+        self.repeats = Repeats(policy, secret)  # of black boxes, which are not audited
 
     def of(self, job: str) -> list[Audit]:
         return [audit for audit in self.open.values() if audit.key.job == job]
@@ -58,8 +60,9 @@ class Auditing:
         return True
 
     def unclaimed(self) -> bool:
-        """Whether there is an audit that nobody runs."""
-        return any(audit.lease is None and not audit.disputed for audit in self.open.values())
+        """Whether there is an audit, or a chunk to be repeated, that nobody runs."""
+        waits = any(audit.lease is None and not audit.disputed for audit in self.open.values())
+        return waits or self.repeats.unclaimed()
 
     def wanted(self, worker: WorkerState, jobs: dict[str, JobState], workers: Workers) -> Audit | None:
         """An audit for this worker to run: of what another identity has answered, where another one is here."""
@@ -84,8 +87,8 @@ class Auditing:
         return worker.id not in audit.opinions and fits and drawable
 
     def holds_back(self, job: JobState, workers: Workers) -> bool:
-        """Whether a finished job has to wait: for a dispute always, for another audit where somebody can run it."""
-        return any(
+        """Whether a finished job has to wait: for a dispute always, for what else is open where somebody can run it."""
+        return self.repeats.holds_back(job, workers) or any(
             audit.disputed
             or audit.lease is not None
             or any(self._can(w, audit, job) for w in workers.here.values())
@@ -97,7 +100,8 @@ class Auditing:
         return any(audit.disputed for audit in self.of(job))
 
     def returned(self, held: Held) -> None:
-        """A lease of an audit ended without an answer."""
+        """A lease of an audit, or of a repetition, ended without an answer."""
+        self.repeats.returned(held)
         audit = self.open.get(held.key)
         if audit is not None and audit.lease == held.id:
             audit.lease = None
@@ -109,10 +113,12 @@ class Auditing:
         del self.open[key]
 
     def drop_job(self, job: str) -> None:
+        self.repeats.drop_job(job)
         self.open = {key: audit for key, audit in self.open.items() if key.job != job}
 
     def drop_worker(self, name: str) -> None:
         """Forget the worker's opinions, and the audits of what it had answered, which is void."""
+        self.repeats.drop_worker(name)
         self.open = {key: audit for key, audit in self.open.items() if audit.counted != name}
         for audit in self.open.values():
             audit.opinions.pop(name, None)

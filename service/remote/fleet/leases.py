@@ -94,6 +94,7 @@ class Leases:
                 continue
             if self._auditing.picks(job, ticket, self._workers):
                 self._auditing.begin(job, ticket)
+            self._auditing.repeats.consider(job, ticket, self._workers)
             if job.left == 0:
                 self._state.do(E.Step(job.id, job.generation, job.end_batch()))
         self._assignment.assign()

@@ -12,7 +12,7 @@ import msgspec
 
 import ce
 from service.errors import InputError, StoreError
-from service.evaluation.doubts import DISPUTED, failed_job, with_doubts
+from service.evaluation.doubts import DISPUTED, failed_job, not_repeatable, with_doubts
 from service.evaluation.endings import endings_of
 from service.evaluation.failed_share import MAX_FAILED
 from service.evaluation.job import Job
@@ -27,6 +27,7 @@ from service.remote.fleet.errors import NoSuchJob
 from service.remote.fleet.hub import Hub
 from service.remote.fleet.scheduler import Scheduler
 from service.remote.fleet.workers import WorkerState
+from service.world.egos.open import REMOTE
 from service.world.scenario.measures import measure_kind
 
 MAX_OPEN_JOBS = 1000
@@ -222,7 +223,8 @@ class Fleet:
         if row.status == "failed":
             return (failed_job(row.reason),)
         disputed = self._hub.call(lambda scheduler: scheduler.disputed(job)).result()
-        return (DISPUTED,) if disputed else ()
+        seen = self._store.events_of(job, "repeated") if row.job.ego.startswith(REMOTE) else []
+        return ((DISPUTED,) if disputed else ()) + not_repeatable(event.body for event in seen)
 
     def curve(self, job: str, gammas: Sequence[float], confidence: float | None = None) -> ce.Curve:
         """p and its pointwise interval at each threshold, from the same rollouts."""

@@ -115,7 +115,9 @@ class WorkerProtocol:
         if held is not None and held.expected_s is not None:
             job.spent_s += (chunk.worker_s - held.expected_s) / job.submitted.weight
         span = (key.start, key.stop)
-        if self._auditing.opinion(key, name, chunk):
+        if held is not None and (shown := self._auditing.repeats.answered(held, chunk)) is not None:
+            self._state.do(E.Publish(job.id, "repeated", shown))
+        elif self._auditing.opinion(key, name, chunk):
             self._disputes.judge(job, key)
         elif not job.is_of_batch(key):
             pass

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from service.evaluation.doubts import not_repeatable
 from service.evaluation.store import FAILED
 from service.remote.fleet import events as E
 from service.remote.fleet.jobs import Phase
@@ -236,3 +237,28 @@ def test_jobs_beyond_the_memory_wait_for_their_turn_and_a_paused_one_is_passed_o
     world.finish()
     for job in world.jobs:
         assert_right(world, job)
+
+
+def test_a_black_box_that_differs_is_told_of_by_worker_and_nobody_goes_into_quarantine():
+    world = World({"j": "naive"}, Policy(first_rows=7, audit_share=1.0), audited=False)
+    world.join("good", 1)
+    world.join("other", 1, wrong=True)
+    world.finish()
+    assert world.record.statuses["j"] == "done"
+    assert world.record.quarantined == {}
+    same, other = ([one for one in world.repeated if one["where"] == where] for where in ("same", "other"))
+    assert sum(one["repeated"] for one in same) == sum(one["repeated"] for one in other) == 120
+    assert sum(one["differed"] for one in same) == 0  # of each worker, that is as it was
+    assert 0 < sum(one["differed"] for one in other) < 120  # the formula is off where the seed is odd
+    (warning,) = not_repeatable(world.repeated)
+    assert warning.name == "ego-not-repeatable"
+    assert "(0 of 120 on the worker that had run them, " in warning.message
+
+
+def test_an_ego_that_is_the_same_each_time_has_no_warning():
+    world = World({"j": "naive"}, Policy(first_rows=7, audit_share=1.0), audited=False)
+    world.join("one", 1)
+    world.join("another", 1)
+    world.finish()
+    assert sum(one["repeated"] for one in world.repeated) == 240
+    assert not_repeatable(world.repeated) == ()

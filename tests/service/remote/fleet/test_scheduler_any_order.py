@@ -36,10 +36,12 @@ EXPECTED = {method: reference(method) for method in ("naive", "ce")}
 class AnyOrder(RuleBasedStateMachine):
     policy = QUICK
     wrong_workers = 0
+    audited = True
 
     @initialize(methods=st.sampled_from([["naive"], ["ce"], ["naive", "ce", "naive"]]))
     def begin(self, methods: list[str]) -> None:
-        self.world = World({f"j{i}": method for i, method in enumerate(methods)}, self.policy)
+        jobs = {f"j{i}": method for i, method in enumerate(methods)}
+        self.world = World(jobs, self.policy, audited=self.audited)
         self.workers = 0
         self.trouble = False
         for i in range(self.wrong_workers):
@@ -190,14 +192,27 @@ class WithWrongWorkers(AnyOrder):
     wrong_workers = 1
 
 
-@pytest.mark.parametrize("machine", [AnyOrder, WithWrongWorkers])
+class BlackBoxes(AnyOrder):
+    """Nobody is audited, and every chunk is run again on its worker and on another."""
+
+    policy = AUDIT_ALL
+    audited = False
+
+    def teardown(self) -> None:
+        super().teardown()
+        if hasattr(self, "world"):
+            assert all(told["repeated"] > 0 and told["differed"] == 0 for told in self.world.repeated)
+            assert not self.world.scheduler.workers.quarantined
+
+
+@pytest.mark.parametrize("machine", [AnyOrder, WithWrongWorkers, BlackBoxes])
 def test_any_order_of_answers_losses_and_crashes_gives_the_same_bits(machine):
     run_state_machine_as_test(machine, settings=_settings(15, 60))
 
 
 @pytest.mark.long
 @pytest.mark.timeout(7200)
-@pytest.mark.parametrize("machine", [AnyOrder, WithWrongWorkers])
+@pytest.mark.parametrize("machine", [AnyOrder, WithWrongWorkers, BlackBoxes])
 def test_any_order_at_length(machine):
     run_state_machine_as_test(machine, settings=_settings(3000, 150))
 

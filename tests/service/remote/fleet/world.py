@@ -106,6 +106,8 @@ class World:
     hosts: dict[str, str] = field(default_factory=dict)  # addresses of workers; each its own otherwise
     leased: int = 0
     replies: list = field(default_factory=list)
+    audited: bool = True  # the ego is no black box
+    repeated: list[dict] = field(default_factory=list)  # what was told of chunks that were run again
 
     def __post_init__(self) -> None:
         self.last_request = 0
@@ -123,7 +125,7 @@ class World:
         for job in self.jobs:
             status = self.record.statuses.get(job, "running")
             if status in ("running", "paused"):
-                self.tell(E.Submitted(job, "idm", paused=status == "paused", held_bytes=1))
+                self.tell(E.Submitted(job, "idm", 0, 1.0, status == "paused", self.audited, 1))
 
     def tell(self, event: E.Event) -> None:
         before = {name: (job.phase, job.generation) for name, job in self.scheduler.jobs.items()}
@@ -139,6 +141,8 @@ class World:
                 self.instructions.append(one)
             elif not isinstance(one, E.Publish):
                 self.writes.append(one)
+            elif one.kind == "repeated":
+                self.repeated.append(one.body)
 
     def _reply(self, slot: Slot | None, reply) -> None:
         self.replies.append(reply)
@@ -214,7 +218,7 @@ class World:
             for job in jobs:
                 if self.record.statuses.get(job) == "done":
                     self.record.statuses[job] = "running"
-                    self.tell(E.Submitted(job, "idm", held_bytes=1))
+                    self.tell(E.Submitted(job, "idm", audited=self.audited, held_bytes=1))
 
     # -- the workers' side -----------------------------------------------------------------------------------
 
