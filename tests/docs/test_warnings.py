@@ -9,11 +9,14 @@ PAGE = (ROOT / "docs" / "concepts" / "warnings.md").read_text(encoding="utf-8")
 
 
 def raised() -> set[str]:
-    """The names of all warnings that `ce` makes, read from its sources."""
+    """The names of all warnings that `ce` and what runs its jobs make, read from their sources."""
     names = set()
-    for source in (ROOT / "ce").rglob("*.py"):
+    for source in (path for folder in ("ce", "service/evaluation") for path in (ROOT / folder).rglob("*.py")):
         for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "EstimateWarning":
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in (
+                "EstimateWarning",
+                "ce.EstimateWarning",
+            ):
                 assert isinstance(node.args[0], ast.Constant), source
                 names.add(node.args[0].value)
     return names
