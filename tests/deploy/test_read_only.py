@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from service.evaluation.store.jobs import JobStore
 from service.remote.client import Client, Refused
 from service.remote.fleet.sessions import client_session
 from tests.service.remote.fleet.light import LIMIT_S, free_port
@@ -55,4 +56,10 @@ def test_a_reader_sees_jobs_and_its_orders_are_refused_by_name(tmp_path):
     said = Process("cancel", job, "--connect", where, "--zenoh-config", theirs)
     assert said.process.wait(LIMIT_S) == 2
     said.wait_line("the read-only role may not cancel")
+    with JobStore(f"sqlite:///{tmp_path / 'home' / 'fleet.sqlite'}") as store:
+        told = [(entry.who, entry.did, entry.job, bool(entry.refused)) for entry in store.log.entries()]
+        assert store.log.wrong() == []
+    client, reader = "tailroad-client from this machine", "tailroad-reader from this machine"
+    orders = [(reader, did, job, True) for did in ("cancel", "pause", "resume")]
+    assert told == [(client, "submit", job, False), *orders, (reader, "submit", "", True), orders[0]]
     service.kill()

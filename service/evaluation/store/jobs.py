@@ -26,6 +26,7 @@ from service.evaluation.store.database import (
     shown,
     writing,
 )
+from service.evaluation.store.log import AuditLog
 from service.evaluation.store.records import ChunkRecord
 from service.evaluation.store.states import StateRecord
 from service.evaluation.store.tables import (
@@ -116,6 +117,7 @@ class JobStore(Closing):
         self.chunks = ChunkRecord(self._engine)
         self.states = StateRecord(self._engine)
         self.beginnings = Beginnings(self._engine)
+        self.log = AuditLog(self._engine)
 
     def close(self) -> None:
         self._engine.dispose()

@@ -8,7 +8,7 @@ one that does not match them is replaced.
 
 import sqlalchemy as sa
 
-VERSION = "0011"  # the newest of migrations/versions
+VERSION = "0012"  # the newest of migrations/versions
 
 metadata = sa.MetaData()
 
@@ -154,3 +154,33 @@ leases = sa.Table(
     sa.Column("since", sa.Float, nullable=False),  # s, of the database's clock; so is the next
     sa.Column("until", sa.Float, nullable=False),  # renewed while the holder lives
 )
+
+audit_log = sa.Table(
+    "audit_log",
+    metadata,
+    _key("number", sa.Integer),
+    sa.Column("at", sa.Text, nullable=False),
+    sa.Column("who", sa.Text, nullable=False),  # by the connection
+    sa.Column("did", sa.Text, nullable=False),
+    sa.Column("job", sa.Text, nullable=False),
+    sa.Column("refused", sa.Text, nullable=False),  # why it was not done, "" where it was
+    sa.Column("hash", sa.Text, nullable=False),  # of the row and, by the one before it, of all before
+)
+
+# by dialect: rows of the log are neither changed nor removed by mistake
+APPEND_ONLY = {
+    "sqlite": tuple(
+        f"CREATE TRIGGER audit_log_no_{deed.lower()} BEFORE {deed} ON audit_log "
+        "BEGIN SELECT RAISE(ABORT, 'rows are only added to the audit log'); END"
+        for deed in ("UPDATE", "DELETE")
+    ),
+    "postgresql": (
+        "CREATE FUNCTION audit_log_only_grows() RETURNS trigger LANGUAGE plpgsql AS "
+        "$$ BEGIN RAISE EXCEPTION 'rows are only added to the audit log'; END $$",
+        "CREATE TRIGGER audit_log_only_grows BEFORE UPDATE OR DELETE OR TRUNCATE ON audit_log "
+        "FOR EACH STATEMENT EXECUTE FUNCTION audit_log_only_grows()",
+    ),
+}
+for _dialect, _statements in APPEND_ONLY.items():
+    for _statement in _statements:
+        sa.event.listen(audit_log, "after_create", sa.DDL(_statement).execute_if(dialect=_dialect))

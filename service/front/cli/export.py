@@ -2,10 +2,26 @@
 
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+if TYPE_CHECKING:
+    from service.evaluation.store.jobs import JobStore
+
 FLEET = "fleet.sqlite"
+
+
+def store_of(database: str) -> "JobStore":
+    """The record of a service, by the URL of its database or its --home; InputError where there is none."""
+    from service.errors import InputError
+    from service.evaluation.store.database import sqlite_url
+    from service.evaluation.store.jobs import JobStore
+
+    file = Path(database) / FLEET
+    if "://" not in database and not file.is_file():
+        raise InputError(f"{database}: give the URL of a database, or a folder that holds {FLEET}")
+    return JobStore(database if "://" in database else sqlite_url(file), new=False)
 
 
 @click.command()

@@ -38,6 +38,7 @@ SECTIONS = {
         "resume": "service.front.cli.orders:resume",
         "cancel": "service.front.cli.orders:cancel",
         "get": "service.front.cli.get",
+        "log": "service.front.cli.log",
     },
     "Roads, scenarios and drivers": {
         "scenario": "service.front.cli.scenario",

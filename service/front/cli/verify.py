@@ -43,7 +43,7 @@ def command(
         return
     if public_key is not None:
         raise InputError("--public-key is for folders of evidence")
-    damaged = 0
+    damaged = log_faults = 0
     if run is not None:
         with RunDirectory.open(run, checked=False) as store:
             wrong = store.wrong()
@@ -53,12 +53,14 @@ def command(
                 damaged += _tell(verify(job.id, job, store.record.rows(job.id), sample, processes))
             damaged = damaged or bool(wrong)
     else:
-        damaged = _of_service(str(database), sample, processes)
+        damaged, log_faults = _of_service(str(database), sample, processes)
     if damaged:
         raise StoreError(
             f"{damaged} {'job is' if damaged == 1 else 'jobs are'} damaged, as told above; nothing was changed: take "
             "the record from a copy, or run the job again"
         )
+    if log_faults:
+        raise StoreError("the audit log is not as it was written, as told above; the jobs' records are sound")
 
 
 def _is_evidence(folder: Path) -> bool:
@@ -92,26 +94,22 @@ def _evidence(folder: Path, sample: int, workers: int, public_key: Path | None) 
         )
 
 
-def _of_service(database: str, sample: int, workers: int) -> int:
-    """How many of its jobs are damaged."""
-    from service.errors import InputError
-    from service.evaluation.store.database import sqlite_url
-    from service.evaluation.store.jobs import JobStore
+def _of_service(database: str, sample: int, workers: int) -> tuple[int, int]:
+    """How many of its jobs are damaged, and how many faults its audit log has."""
     from service.evaluation.verify import verify
-    from service.front.cli.export import FLEET
+    from service.front.cli.export import store_of
 
-    file = Path(database) / FLEET
-    if "://" not in database and not file.is_file():
-        raise InputError(f"--store {database}: give the URL of a database, or a folder that holds {FLEET}")
     damaged = 0
-    with JobStore(database if "://" in database else sqlite_url(file), new=False) as store:
+    with store_of(database) as store:
         for row in store.jobs(limit=2**31 - 1):
             found = verify(row.id, row.job, store.chunks.rows(row.id), sample, workers)
             wrong = _beside(store, row.id)
             if row.status == "done" and not found.finished:
                 wrong.append("the job is done, and its record does not reach its end")
             damaged += _tell(found, tuple(wrong))
-    return damaged
+        for line in (wrong_log := store.log.wrong()):
+            click.echo(line)
+    return damaged, len(wrong_log)
 
 
 def _beside(store: "JobStore", job: str) -> list[str]:

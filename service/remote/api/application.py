@@ -18,7 +18,9 @@ from service.remote.api.findings import FindingAnswers
 from service.remote.api.jobs import JobAnswers
 from service.remote.api.limits import Bucket, Limits
 from service.remote.api.objects import About
+from service.remote.api.orders import Orders
 from service.remote.api.problems import ApiError, problem_of, short
+from service.remote.api.quotas import Quotas
 from service.remote.api.records import Records
 from service.remote.api.requests import Nothing
 from service.remote.api.reruns import Reruns
@@ -67,12 +69,15 @@ class Application:
         self._parts = (self, self._state, jobs, results, RolloutAnswers(fleet), dangerous, findings)
         self._requests = Bucket(limits.requests_per_s, limits.burst)
         self._submissions = Bucket(limits.submissions_per_s, limits.burst)
+        self._quotas = Quotas(fleet, limits)
+        self._orders = Orders(fleet)
 
-    def answer(self, key: str, parameters: str, payload: bytes | None) -> Answer:
-        """The answer to a query on `key`, below tailroad/v1/; never raises."""
+    def answer(self, key: str, parameters: str, payload: bytes | None, who: str = "unknown") -> Answer:
+        """The answer to a query of `who` on `key`, below tailroad/v1/; never raises."""
         began, action = time.perf_counter(), "none"
         try:
             self._pass(self._requests)
+            self._quotas.ask(who)
             if payload is not None and len(payload) > self.limits.body_bytes:
                 text = f"a body of {len(payload)} bytes; this service takes at most {self.limits.body_bytes}"
                 raise ApiError("too-large", text)
@@ -80,9 +85,12 @@ class Application:
                 action = "schema"
                 answer = Answer(200, self._schema(name))
             else:
-                route, names = self._route(key, bool(payload))
+                route, names = routes.find(_of_read(key), bool(payload))
                 action = route.action
-                answer = self._encoded(self._do(route, names, parameters, payload))
+                if route.order:
+                    answer = self._ordered(key, route, names, parameters, payload, who)
+                else:
+                    answer = self._encoded(self._do(route, names, parameters, payload))
         except Exception as error:
             problem = problem_of(error, f"{routes.PREFIX}/{short(key)}")
             if problem.status == 500:
@@ -129,17 +137,30 @@ class Application:
             return handler(reading.body(route.body, payload or b""))
         return handler(asked, **names)
 
-    def _route(self, key: str, payload: bool) -> tuple[routes.Route, dict[str, str]]:
-        """The route of a key and what it names; ApiError for one that changes something, asked for as a reader."""
-        below = _of_read(key)
-        route, names = routes.find(below, payload)
-        if below != key and route.order:
-            raise ApiError(
-                "forbidden",
-                f"the read-only role may not {route.action}: {routes.PREFIX}/{routes.READ} takes no orders; use the "
-                f"keys of a client, and {routes.PREFIX}/{short(below)}",
-            )
-        return route, names
+    def _ordered(
+        self,
+        key: str,
+        route: routes.Route,
+        names: dict[str, str],
+        parameters: str,
+        payload: bytes | None,
+        who: str,
+    ) -> Answer:
+        """The answer to something that is to be done, which is written down with who wanted it."""
+        with self._orders.written(who, route.action, names.get("job", "")) as order:
+            if _of_read(key) != key:
+                below = short(_of_read(key))
+                raise ApiError(
+                    "forbidden",
+                    f"the read-only role may not {route.action}: {routes.PREFIX}/{routes.READ} takes no orders; use "
+                    f"the keys of a client, and {routes.PREFIX}/{below}",
+                )
+            if route.body is None:
+                return self._encoded(self._do(route, names, parameters, payload))
+            self._quotas.submit(who)
+            found = self._do(route, names, parameters, payload)
+            order.job = str(getattr(found, "id", ""))
+            return self._encoded(found)
 
     def _schema(self, name: str) -> bytes:
         if name not in self._schemas:

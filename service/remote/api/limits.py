@@ -8,11 +8,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Limits:
-    """What all clients together may ask for.
+    """What all clients together may ask for, and one of them.
 
     body_bytes: of a request
     requests_per_s, submissions_per_s: of all clients together, `burst` times as many at once
+    client_requests_per_s: of one client, known by its certificate and host; 1e9: as all together
     open_jobs: not over
+    client_open_jobs: of one client
     open_bytes: memory that open jobs may hold together, beyond which jobs wait
     budget: rollouts of a job
     batch_rows: of a batch, as all of it is held in memory
@@ -31,7 +33,9 @@ class Limits:
     requests_per_s: float = 200.0
     submissions_per_s: float = 20.0
     burst: float = 5.0
+    client_requests_per_s: float = 1e9
     open_jobs: int = 1000
+    client_open_jobs: int = 1000
     open_bytes: int = 4_000_000_000
     budget: int = 100_000_000
     batch_rows: int = 100_000

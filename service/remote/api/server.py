@@ -17,6 +17,7 @@ from service.remote.api.problems import ApiError
 from service.remote.api.results import finite, wire_event
 from service.remote.api.routes import PREFIX, READ, TOPS
 from service.remote.fleet.service import Fleet
+from service.remote.fleet.zenoh_link import Links
 
 log = logging.getLogger("tailroad.api")
 
@@ -38,6 +39,7 @@ class Api:
         seen: Callable[[str, int, float], None] = lambda action, status, seconds: None,
     ):
         self._session = session
+        self._links = Links(session)
         self._limits = limits or Limits()
         self.application = Application(fleet, Catalogue(offered, self._ego_services), self._limits, seen)
         self._pool = ThreadPoolExecutor(self._limits.threads, thread_name_prefix="api")
@@ -77,7 +79,8 @@ class Api:
             _reply(query, self.application.refuse(below, error))
         else:
             body = None if payload is None else payload.to_bytes()
-            self._pool.submit(self._answer, query, below, str(query.parameters), body)
+            who = self._links.peer(query).told
+            self._pool.submit(self._answer, query, below, str(query.parameters), body, who)
 
     def _on_any(self, query: zenoh.Query) -> None:
         """Answers what no other key of the API matches, with the problem that says so."""
@@ -87,9 +90,9 @@ class Api:
         else:
             self._on_query(query)
 
-    def _answer(self, query: zenoh.Query, key: str, parameters: str, payload: bytes | None) -> None:
+    def _answer(self, query: zenoh.Query, key: str, parameters: str, payload: bytes | None, who: str) -> None:
         try:
-            _reply(query, self.application.answer(key, parameters, payload))
+            _reply(query, self.application.answer(key, parameters, payload, who))
         finally:
             self._free.release()
 

@@ -55,6 +55,9 @@ class Line:
         self._about = about
         self._lock = threading.Lock()
         self._open: zenoh.Session | None = None
+        self._source: zenoh.SourceInfo | None = (
+            None  # queries say which session they are of, by any entity of it
+        )
         self._heard = float("-inf")  # when an answer came last
 
     def ask(self, selector: str, payload: bytes | None = None) -> tuple[bool, bytes]:
@@ -86,7 +89,10 @@ class Line:
     ) -> tuple[bool, bytes] | None:
         encoding = JSON if payload else None
         try:
-            for reply in session.get(selector, payload=payload, encoding=encoding, timeout=limit_s):
+            replies = session.get(
+                selector, payload=payload, encoding=encoding, timeout=limit_s, source_info=self._source
+            )
+            for reply in replies:
                 if reply.ok is not None:
                     return True, reply.ok.payload.to_bytes()
                 if reply.err is not None and (body := reply.err.payload.to_bytes()).startswith(b"{"):
@@ -107,6 +113,7 @@ class Line:
             if self._open is None:
                 try:
                     self._open = client_session(self._connect, self._config, self._timeout_s)
+                    self._source = zenoh.SourceInfo(self._open.declare_querier(self._about).id, 0)
                 except NotAdmitted as error:
                     raise NoAnswer(str(error)) from error
                 except SessionError as error:

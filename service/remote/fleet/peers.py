@@ -40,6 +40,14 @@ class Peer:
         return f"host {self.host}" if self.host else "unknown"
 
     @property
+    def told(self) -> str:
+        """For people: certificate or user, and from where; "unknown" where nothing is known."""
+        where = "this machine" if self.here else self.host
+        if self.certificate and where:
+            return f"{self.certificate} from {where}"
+        return self.certificate or where or "unknown"
+
+    @property
     def banned(self) -> tuple[str, ...]:
         """What is refused with it when it was found wrong, whatever name comes next: certificate and host. This machine
         itself is not: it decides."""

@@ -19,6 +19,7 @@ from service.evaluation.job import Job
 from service.evaluation.record import JobRecord, replay
 from service.evaluation.so_far import ESTIMATE, begun, state_after
 from service.evaluation.store.jobs import Event, JobRow, Mark
+from service.evaluation.store.log import AuditLog
 from service.evaluation.store.reader import JobReader
 from service.evaluation.summary import Cost, summary_of
 from service.remote.fleet import events as E
@@ -171,6 +172,16 @@ class Fleet:
         if trouble:
             raise StoreError(f"the database takes nothing: {trouble}")
         self._store.check()
+
+    @property
+    def log(self) -> AuditLog:
+        """Who told the service to do what."""
+        return self._store.log
+
+    def open_of(self, who: str) -> set[str]:
+        """The jobs that are not over and that this client has submitted."""
+        here = self._hub.call(lambda scheduler: set(scheduler.jobs)).result()
+        return here & self._store.log.submitted_by(who) if here else set()
 
     def open_jobs(self) -> int:
         """How many jobs are not over."""

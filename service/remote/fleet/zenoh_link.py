@@ -53,13 +53,31 @@ class WorkerConnection:
         self._token.undeclare()
 
 
+class Links:
+    """The connections of a session, by which it knows who asks."""
+
+    def __init__(self, session: zenoh.Session):
+        self._session = session
+        self._peers: dict[str, Peer] = {}
+
+    def peer(self, query: zenoh.Query) -> Peer:
+        """Whose connection a query came over: of those that this session has, the one that it names."""
+        if query.source_info is None:
+            return NOBODY
+        session = str(query.source_info.source_id.zid)
+        if session not in self._peers:
+            links = self._session.info.links()
+            self._peers = {str(li.zid): peer_of(str(li.zid), li.auth_identifier, str(li.dst)) for li in links}
+        return self._peers.get(session, NOBODY)
+
+
 class HubLink:
     """The scheduler's side: hands what workers say to the hub, and tells it who is gone."""
 
     def __init__(self, session: zenoh.Session, hub: Hub):
         self._session = session
         self._hub = hub
-        self._peers: dict[str, Peer] = {}
+        self._links = Links(session)
         self._queryable = session.declare_queryable(f"{PREFIX}/*/*", self._on_query)
         self._tokens = session.liveliness().declare_subscriber(
             f"{PREFIX}/*/alive", self._on_token, history=True
@@ -72,17 +90,7 @@ class HubLink:
         if payload is None or len(payload) > MAX_BYTES:
             answer(encode(Refused(f"a message of 1 to {MAX_BYTES} bytes is wanted")))
         else:
-            self._hub.receive(worker, kind, payload.to_bytes(), answer, self._peer(query))
-
-    def _peer(self, query: zenoh.Query) -> Peer:
-        """Whose connection a query came over: of those that this session has, the one that it names."""
-        if query.source_info is None:
-            return NOBODY
-        session = str(query.source_info.source_id.zid)
-        if session not in self._peers:
-            links = self._session.info.links()
-            self._peers = {str(li.zid): peer_of(str(li.zid), li.auth_identifier, str(li.dst)) for li in links}
-        return self._peers.get(session, NOBODY)
+            self._hub.receive(worker, kind, payload.to_bytes(), answer, self._links.peer(query))
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.DELETE:
