@@ -11,6 +11,7 @@ import numpy as np
 
 from service.analysis.failures.motion import Motion
 from service.analysis.trace import Trace
+from service.world.safety.contact import Contact, Side
 from service.world.scenario.base import causes
 from service.world.scenario.causes import GLANCE_ONSET_S, REACTION_S
 from service.world.scenario.schema import Scenario
@@ -83,9 +84,11 @@ def lapse_of(trace: Trace, motion: Motion | None, scenario: Scenario, x: np.ndar
     )
 
 
-def sentence(motion: Motion, lapse: Lapse | None, other: str) -> str:
-    """What came together, as one would tell it: `env4 looks away 1.9 s while the ego slows, and closes at 4.0 m/s`."""
-    return f"{other} {_did(motion, lapse)} while the ego {_ego(motion)}{_closing(motion)}"
+def sentence(motion: Motion, lapse: Lapse | None, other: str, contact: Contact | None = None) -> str:
+    """What came together, as one would tell it: `env4 looks away 1.9 s while the ego slows, and closes at 4.0 m/s`, or,
+    where they touched, `... and runs into the ego's rear at 4.0 m/s`."""
+    end = _closing(motion) if contact is None else _touching(contact)
+    return f"{other} {_did(motion, lapse)} while the ego {_ego(motion)}{end}"
 
 
 def _did(motion: Motion, lapse: Lapse | None) -> str:
@@ -110,6 +113,19 @@ def _ego(motion: Motion) -> str:
     if motion.ego_braking_mps2 >= 1.0:
         return "slows"
     return f"drives at {motion.ego_speed_mps:.1f} m/s"
+
+
+def _touching(contact: Contact) -> str:
+    """Who came into whose side, at what relative speed; a front runs, a side comes."""
+    mine, theirs = _side(contact.ego_side), _side(contact.other_side)
+    speed = f"at {contact.speed_mps:.1f} m/s"
+    if contact.striking == "ego":
+        return f", and the ego {'runs' if contact.ego_side == 'front' else 'comes'} into its {theirs} {speed}"
+    return f", and {'runs' if contact.other_side == 'front' else 'comes'} into the ego's {mine} {speed}"
+
+
+def _side(side: Side) -> str:
+    return side if side in ("front", "rear") else f"{side} side"
 
 
 def _closing(motion: Motion) -> str:

@@ -81,7 +81,7 @@ def story_of(events: Events, again: Rerun) -> str:
     if again.motion is None:
         return ""
     other = events.record.job.scenario.vehicles[again.motion.other].name
-    return sentence(again.motion, again.lapse, other)
+    return sentence(again.motion, again.lapse, other, again.contact)
 
 
 def sample_causes(examined: Examined, rank: dict[int, int]) -> list[Cause]:

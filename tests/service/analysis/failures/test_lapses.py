@@ -10,6 +10,7 @@ import ce
 from policies.drivers import load_drivers
 from service.analysis.failures.lapses import Lapse, lapse_of, sentence
 from service.analysis.trace import Trace
+from service.world.safety.contact import Contact
 from service.world.scenario import load_scenario
 from service.world.scenario.base import base_distribution
 from service.world.sim import minds as M
@@ -110,6 +111,14 @@ def test_the_sentence_tells_who_looked_away_what_the_ego_did_and_how_they_closed
     told = sentence(beside, lapse, "env4")
     moved = "env4 looks away 1.9 s and comes over by 1.2 m while the ego drives at 17.0 m/s"
     assert told == f"{moved}, and the ego closes at 4.0 m/s"
+    struck = Contact(3, 4.2, 4.2, 0.0, "rear", "left", "front", "middle", "other")
+    assert sentence(behind, lapse, "env4", struck) == (
+        "env4 looks away 1.9 s while the ego slows, and runs into the ego's rear at 4.2 m/s"
+    )
+    swiped = Contact(3, 0.6, 0.4, -0.4, "right", "front", "left", "rear", "ego")
+    assert sentence(beside, None, "env4", swiped).endswith(
+        ", and the ego comes into its left side at 0.6 m/s"
+    )
     parted = msgspec.structs.replace(beside, closing_along_mps=0.0, closing_across_mps=0.4)
     assert sentence(parted, None, "env4") == (
         "env4 comes over by 1.2 m while the ego drives at 17.0 m/s, and the sides close at 0.4 m/s"
