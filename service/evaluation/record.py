@@ -23,10 +23,12 @@ from service.evaluation.so_far import begun, state_after
 from service.evaluation.store import FAILED, Chunk, ChunkSource
 from service.evaluation.summary import Ending
 from service.world.safety.contact import Contact
+from service.world.scenario.base import before_weights
 from service.world.scenario.measures import IMPACT
 from service.world.scenario.noise import Noise
 
 BatchKey = tuple[str, int]  # phase, iteration
+KEPT_STARTS = 20_000  # rollouts of a job, at most, whose starts are kept
 
 
 class EndOfRecord(Exception):
@@ -67,6 +69,8 @@ class JobRecord:
     explicit_batches: phase and iteration of the batches that `explicit` is of
     outcome: where the event is an ending, and not f <= gamma: which; `estimate` is then of that event
     f: values of the rollouts that the estimate is made of, in its order
+    starts: (n, k) of evenly spread rollouts of all phases, the coordinates of x before the drivers' weights; none of
+        the method that drives paths
     """
 
     job: Job
@@ -91,6 +95,7 @@ class JobRecord:
     explicit_batches: frozenset[BatchKey] = frozenset()
     outcome: str | None = None
     f: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    starts: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def planned(self) -> int:
@@ -167,9 +172,11 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None, outcome: st
     likelihood: dict[int, list[np.ndarray]] = {}
     explicit: dict[tuple[str, int, int], tuple[np.ndarray, Noise, float]] = {}
     explicit_batches: set[BatchKey] = set()
+    starts = _Starts(job, algorithm.total_rollouts)
 
     def told(batch: ce.Batch, f: np.ndarray) -> np.ndarray:
         parameters[batch.phase, batch.iteration] = batch.parameters
+        starts.see(batch)
         dangerous = f <= threshold if ended_so is None else ended_so(batch)
         if batch.explicit:
             explicit_batches.add((batch.phase, batch.iteration))
@@ -224,6 +231,7 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None, outcome: st
         explicit_batches=frozenset(explicit_batches),
         outcome=outcome,
         f=f,
+        starts=starts.seen,
         **_totals(job, chunks),
     )
 
@@ -288,6 +296,24 @@ def _totals(job: Job, chunks: Sequence[tuple[str, int, Chunk]]) -> dict[str, Any
         "contacts": contacts,
         "contacts_recorded": recorded,
     }
+
+
+class _Starts:
+    """Every so many rollouts' coordinates before the drivers' weights, KEPT_STARTS at most."""
+
+    def __init__(self, job: Job, rollouts: int) -> None:
+        self._columns = before_weights(job.scenario)
+        self._every = -(-max(rollouts, 1) // KEPT_STARTS)
+        self._next = 0  # rows until the next one is kept
+        self._kept = [np.zeros((0, self._columns))]
+
+    def see(self, batch: ce.Batch) -> None:
+        self._kept.append(batch.x[self._next :: self._every, : self._columns].copy())
+        self._next = (self._next - len(batch.x)) % self._every
+
+    @property
+    def seen(self) -> np.ndarray:
+        return np.concatenate(self._kept)
 
 
 class _Ended:

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import msgspec
 
+from service.analysis.coverage.cover import coverage_of
+from service.analysis.coverage.objects import Coverage
 from service.analysis.exposure import Exposure, exposure_of
 from service.analysis.failures.examine import examine
 from service.analysis.failures.find import Found, find_failures
@@ -52,6 +54,7 @@ class Findings:
     learned: dict[str, Learned] = field(default_factory=dict)  # by job
     severity: Severity | None = None  # where there were contacts
     prevention: Prevention | None = None  # where `tailroad prevent` was asked before
+    coverage: Coverage | None = None
 
 
 def findings_of(
@@ -91,6 +94,7 @@ def findings_of(
         {record.job.id: learned},
         severity_of(run, found.examined) if touched else None,
         None if asked is None else msgspec.structs.replace(asked, rollouts=()),
+        coverage_of(run, record),
     )
 
 

@@ -96,6 +96,7 @@ def facts_of(
         versions=_versions(first.tailroad),
         severity=seen.severity,
         prevention=seen.prevention,
+        coverage=seen.coverage,
     )
     facts: dict[str, Any] = json_ready(msgspec.to_builtins(report, enc_hook=np.generic.item))
     msgspec.convert(facts, Report)  # what is written is what the published schema says

@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from service.analysis.coverage.objects import Coverage
 from service.analysis.estimate_parts import EstimateWarning, Rollouts
 from service.analysis.failures.objects import Failure, Modes
 from service.analysis.learned.objects import Learned
@@ -268,3 +269,4 @@ class Report(_Fact, frozen=True, kw_only=True):
     prevention: Prevention | None = (
         None  # as `tailroad prevent` found it before, without the list of rollouts
     )
+    coverage: Coverage | None = None  # of the operational design domain

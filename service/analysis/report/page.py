@@ -25,6 +25,7 @@ SECTIONS = {  # a template each, in this order, with its title in the list of se
     "learned": "What it learned",
     "modes": "How it fails",
     "verdict": "Severity and prevention",
+    "coverage": "Coverage of the domain",
     "dangerous": "Dangerous rollouts",
     "failures": "Failed rollouts",
     "method": "Method and limits",

@@ -10,6 +10,9 @@ import msgspec
 import polars as pl
 
 import ce
+from service.analysis.coverage.cover import coverage_of
+from service.analysis.coverage.domain import load_domain
+from service.analysis.coverage.objects import Coverage
 from service.analysis.estimated import Estimated
 from service.analysis.exports import SUFFIXES, export_bytes
 from service.analysis.exposure import exposure_of
@@ -188,6 +191,15 @@ class Run:
         examine, watch: as of `failures`.
         """
         return severity_of_run(self.path, job, delta_v_mps, masses, by, examine, self.workers, watch)
+
+    def coverage(self, domain: str | Path | None = None, job: str | None = None) -> Coverage:
+        """How the rollouts cover the operational design domain: shares of P0, of rollouts and of p by cell of road,
+        weather, light and traffic, and cells never seen. Nothing is run for it.
+
+        domain: a file that declares one (`service.analysis.coverage.domain`); job: as of `failures`.
+        """
+        declared = None if domain is None else load_domain(Path(domain))
+        return coverage_of(self.path.name, record_of(self.path, job)[0], declared)
 
     def replay(
         self, rank: int, by: Order = "likelihood", job: str | None = None, outcome: str | None = None

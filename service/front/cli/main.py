@@ -16,6 +16,7 @@ SECTIONS = {
         "failures": "service.front.cli.failures",
         "prevent": "service.front.cli.prevent",
         "severity": "service.front.cli.severity",
+        "coverage": "service.front.cli.coverage",
         "accept": "service.front.cli.accept",
         "evidence": "service.front.cli.evidence",
         "replay": "service.front.cli.replay",

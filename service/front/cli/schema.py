@@ -7,6 +7,7 @@ import msgspec
 
 from service.analysis.acceptance.objects import Acceptance
 from service.analysis.comparison.objects import Comparison
+from service.analysis.coverage.objects import Coverage
 from service.analysis.failures.objects import Failure, Failures
 from service.analysis.learned.objects import Learned
 from service.analysis.prevention.objects import Prevention
@@ -23,6 +24,7 @@ SCHEMAS = {
     "prevention": Prevention,
     "severity": Severity,
     "acceptance": Acceptance,
+    "coverage": Coverage,
     "report": Report,
 }
 
