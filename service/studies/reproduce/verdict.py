@@ -24,8 +24,9 @@ from service.studies.reproduce.tables import Table
 
 PEOPLE, PAPER = "i80-10s", "i80-paper-10s"
 MEASURE, GAMMA = "ttc-impact", 0.0
-EGOS = {  # rollouts at the scale `paper`; those that SUMO or a camera must drive are slower
-    "lidar": 400_000, "idm": 400_000, "lidar-paper": 400_000, "sumo:Krauss": 100_000, "vision": 12_000,
+EGOS = {  # rollouts in both worlds at the scale `paper`; those that SUMO or a camera must drive are slower
+    "lidar": (400_000, 100_000), "idm": (400_000, 100_000), "lidar-paper": (400_000, 100_000),
+    "sumo:Krauss": (60_000, 60_000), "vision": (6_000, 10_000),
 }  # fmt: skip
 SHARES = {"smoke": 0.0003, "small": 0.003, "medium": 0.03, "large": 0.3, "paper": 1.0}
 
@@ -51,8 +52,8 @@ def verdict_page(
 ) -> Page:
     """Run the egos, from wherever their run directories below `out` stand, and judge them; their page."""
     people, paper = (
-        [_judge(world, ego, most, scale, seed, out, workers, tell) for ego, most in EGOS.items()]
-        for world in (PEOPLE, PAPER)
+        [_judge(world, ego, most[i], scale, seed, out, workers, tell) for ego, most in EGOS.items()]
+        for i, world in enumerate((PEOPLE, PAPER))
     )
     judged = [*people, *paper]
     return Page(

@@ -12,7 +12,7 @@ from service.studies.reproduce.page import write_page
 def test_an_ego_is_judged_and_what_was_run_is_not_run_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(verdict, "EGOS", {"lidar-paper": 1_500_000})
+    monkeypatch.setattr(verdict, "EGOS", {"lidar-paper": (1_500_000, 1_500_000)})
     monkeypatch.setattr(verdict, "GAMMA", 0.5)
     said: list[str] = []
     page = verdict.verdict_page("smoke", 1, tmp_path, 2, said.append, "COMMAND")
