@@ -29,6 +29,13 @@ FILE = click.Path(dir_okay=False, path_type=Path)
 @ego_option()
 @measure_option()
 @seed_option()
+@click.option(
+    "--row",
+    type=click.IntRange(0),
+    default=0,
+    show_default=True,
+    help="Which of the seed's draws: that row of a naive run.",
+)
 @click.option("--video", type=FILE, help="Film: from above and from the ego's camera (.mp4).")
 @click.option("--frames", type=FOLDER, help="The film's pictures, into a folder.")
 @click.option("--trace", "table", type=FILE, help="Every vehicle at every step (.parquet).")
@@ -42,6 +49,7 @@ def command(
     ego: str,
     measure: str | None,
     seed: int,
+    row: int,
     video: Path | None,
     frames: Path | None,
     table: Path | None,
@@ -61,7 +69,7 @@ def command(
         ego = fixed.ego
     problem = Problem(make_job(released(loaded), ego, gamma=0.0, method="naive", seed=seed, options={}))
     if fixed is None:
-        drawn, seeds = ce.draw(problem.base, seed, "estimate", 0, 0, 1)
+        drawn, seeds = ce.draw(problem.base, seed, "estimate", 0, row, row + 1)
         x = drawn[0]
         noise_seed: Noise = int(seeds[0])
     else:
@@ -95,6 +103,7 @@ def command(
         "scenario": scenario,
         "ego": ego,
         "seed": seed,
+        "row": row,
         "f": result.f if math.isfinite(result.f) else None,
         "measure": loaded.safety.measure,
         "unit": kind.unit,
