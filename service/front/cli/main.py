@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-from click.utils import make_default_short_help
 
 # Command -> the module that holds it, as `command` or by the name after a colon. It is loaded when it is called, or
 # when its help is shown.
@@ -104,7 +103,8 @@ def summary_of(name: str) -> str:
     source = Path(__file__).with_name(module.rpartition(".")[2] + ".py").read_text(encoding="utf-8")
     for node in ast.parse(source).body:
         if isinstance(node, ast.FunctionDef) and node.name == (command or "command"):
-            return make_default_short_help(ast.get_docstring(node) or "", SUMMARY_LETTERS)
+            told = click.Command(name, help=ast.get_docstring(node) or "")
+            return told.get_short_help_str(SUMMARY_LETTERS)
     return ""
 
 

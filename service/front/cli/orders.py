@@ -10,20 +10,35 @@ from service.remote.api.objects import Done
 from service.remote.client import Client
 
 
-def _order(name: str, does: str, give: Callable[[Client, str], Done]) -> click.Command:
-    @click.command(name, help=does)
-    @click.argument("jobs", nargs=-1, required=True, metavar="JOB...")
-    @client_options()
-    @json_option()
-    def command(jobs: tuple[str, ...], client: Client, as_json: bool) -> None:
-        for job in jobs:
-            done = give(client, job)
-            if as_json:
-                echo_json(done)
+def _order(give: Callable[[Client, str], Done]) -> Callable[[Callable[[], None]], click.Command]:
+    """A command that gives each of its jobs an order; its name and help are those of the function below it."""
 
-    return command
+    def made(told: Callable[[], None]) -> click.Command:
+        @click.command(told.__name__, help=told.__doc__)
+        @click.argument("jobs", nargs=-1, required=True, metavar="JOB...")
+        @client_options()
+        @json_option()
+        def command(jobs: tuple[str, ...], client: Client, as_json: bool) -> None:
+            for job in jobs:
+                done = give(client, job)
+                if as_json:
+                    echo_json(done)
+
+        return command
+
+    return made
 
 
-cancel = _order("cancel", "End each JOB for good; what was run is kept.", Client.cancel)
-pause = _order("pause", "Run none of the rollouts of each JOB until it is resumed.", Client.pause)
-resume = _order("resume", "Go on with each JOB.", Client.resume)
+@_order(Client.cancel)
+def cancel() -> None:
+    """End each JOB for good; what was run is kept."""
+
+
+@_order(Client.pause)
+def pause() -> None:
+    """Run none of the rollouts of each JOB until it is resumed."""
+
+
+@_order(Client.resume)
+def resume() -> None:
+    """Go on with each JOB."""
