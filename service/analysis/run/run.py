@@ -13,6 +13,8 @@ import ce
 from service.analysis.coverage.cover import coverage_of
 from service.analysis.coverage.domain import load_domain
 from service.analysis.coverage.objects import Coverage
+from service.analysis.criticality.critical import SHOWN
+from service.analysis.criticality.objects import Criticality
 from service.analysis.estimated import Estimated
 from service.analysis.exports import SUFFIXES, export_bytes
 from service.analysis.exposure import exposure_of
@@ -29,7 +31,7 @@ from service.analysis.report import write_report
 from service.analysis.risk import Risk, risk_of
 from service.analysis.rollout_files import RolloutFiles
 from service.analysis.run.records import record_of, write_file
-from service.analysis.run.verdicts import prevention_of, severity_of_run
+from service.analysis.run.verdicts import criticality_of_run, prevention_of, severity_of_run
 from service.analysis.severity.objects import Severity
 from service.analysis.severity.severe import SPEEDS_MPS
 from service.errors import InputError
@@ -200,6 +202,15 @@ class Run:
         """
         declared = None if domain is None else load_domain(Path(domain))
         return coverage_of(self.path.name, record_of(self.path, job)[0], declared)
+
+    def criticality(
+        self, limit: int = SHOWN, by: Order = "likelihood", job: str | None = None
+    ) -> Criticality:
+        """The first `limit` dangerous rollouts by TTC, WTTC, TTB, TTR, BTN, TET and TIT; each is run again.
+
+        by, job: as of `failures`.
+        """
+        return criticality_of_run(self.path, job, by, limit, self.workers)
 
     def replay(
         self, rank: int, by: Order = "likelihood", job: str | None = None, outcome: str | None = None

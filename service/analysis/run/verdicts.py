@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from service.analysis.criticality.critical import SHOWN, criticality_of
+from service.analysis.criticality.objects import Criticality
 from service.analysis.failures.events import Order, events_of
 from service.analysis.failures.examine import EXAMINED, Watch, look_away
 from service.analysis.failures.rerun import Rerunner
@@ -91,3 +93,16 @@ def severity_of_run(
     with Rerunner(record.job, workers or core_count()) as rerunner:
         examined = examine_severity(events_of(record), rerunner, order, most, run, watch)
     return severity_of(run.name, examined, order, speeds_mps, masses)
+
+
+def criticality_of_run(
+    run: Path,
+    job: str | None = None,
+    order: Order = "likelihood",
+    limit: int = SHOWN,
+    workers: int | None = None,
+) -> Criticality:
+    """Criticality of the first dangerous rollouts of a run's job; the arguments as of `criticality_of`."""
+    record, _ = record_of(run, job)
+    with Rerunner(record.job, workers or core_count()) as rerunner:
+        return criticality_of(run.name, record, rerunner, order, limit)

@@ -18,6 +18,7 @@ SECTIONS = {
         "failures": "service.front.cli.failures",
         "prevent": "service.front.cli.prevent",
         "severity": "service.front.cli.severity",
+        "criticality": "service.front.cli.criticality",
         "coverage": "service.front.cli.coverage",
         "accept": "service.front.cli.accept",
         "evidence": "service.front.cli.evidence",

@@ -8,6 +8,7 @@ import msgspec
 from service.analysis.acceptance.objects import Acceptance
 from service.analysis.comparison.objects import Comparison
 from service.analysis.coverage.objects import Coverage
+from service.analysis.criticality.objects import Criticality
 from service.analysis.failures.objects import Failure, Failures
 from service.analysis.learned.objects import Learned
 from service.analysis.prevention.objects import Prevention
@@ -25,6 +26,7 @@ SCHEMAS = {
     "severity": Severity,
     "acceptance": Acceptance,
     "coverage": Coverage,
+    "criticality": Criticality,
     "report": Report,
 }
 
