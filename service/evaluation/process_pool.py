@@ -78,14 +78,18 @@ class ProcessPool(Generic[Task, Result]):
         """The worker processes there are now."""
         return list(self._executor._processes or {}) if self._executor is not None else []
 
-    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Result]]:
-        """Run the tasks; each is yielded with its result when it is done, in any order."""
+    def run(self, tasks: Iterable[Task], one_by_one: bool = False) -> Iterator[tuple[Task, Result]]:
+        """Run the tasks; each is yielded with its result when it is done, in any order.
+
+        one_by_one: for few tasks, which would be done before another process had started
+        """
+        at_once = 1 if one_by_one else 2 * self.workers
         waiting = list(reversed(list(tasks)))
         running: dict[Future[Result], Task] = {}
         if waiting and self._executor is None:
             self.start()
         while waiting or running:
-            while waiting and len(running) < 2 * self.workers:
+            while waiting and len(running) < at_once:
                 try:
                     running[self._started().submit(self._kind.run, waiting[-1])] = waiting[-1]
                 except BrokenProcessPool:  # a worker died while nobody waited for it

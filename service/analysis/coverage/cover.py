@@ -5,6 +5,7 @@ from itertools import combinations
 import numpy as np
 
 import ce
+from ce.streams import Stream
 from service.analysis.coverage.attributes import ATTRIBUTES, Attribute
 from service.analysis.coverage.domain import Domain
 from service.analysis.coverage.objects import Cell, Coverage, Covered, Pair
@@ -66,7 +67,10 @@ def _of_base(record: JobRecord) -> np.ndarray:
     """Draws of P0, the coordinates before the drivers' weights, (DRAWS, k)."""
     scenario = with_noise_mode(record.job.scenario, "drawn")  # noise that is searched comes after them
     base, columns = base_distribution(scenario, record.problem.drivers), before_weights(scenario)
-    parts = [ce.draw(base, STREAM, "estimate", 0, first, min(first + AT_ONCE, DRAWS))[0][:, :columns].copy()
+    stream = Stream(
+        base, STREAM, "estimate", 0
+    )  # the drivers' weights, which decide no cell, are left uncorrelated
+    parts = [stream.draw(first, min(first + AT_ONCE, DRAWS), correlated=False)[0][:, :columns].copy()
              for first in range(0, DRAWS, AT_ONCE)]  # fmt: skip
     return np.concatenate(parts)
 

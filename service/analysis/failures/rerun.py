@@ -1,7 +1,7 @@
 """Run rollouts once more in worker processes: a rollout is a pure function, so what happened in it can be seen."""
 
 from collections.abc import Callable, Collection, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from types import TracebackType
 
@@ -19,6 +19,7 @@ from service.world.scenario.noise import Noise
 from service.world.sim.rollout import Simulator
 
 AT_ONCE = 8  # rollouts that a worker is given at once
+WORTH_A_PROCESS = 200  # rollouts that take longer than a second process takes to start
 Draw = tuple[np.ndarray, Noise]  # x (d,) and its noise
 Wanted = list[tuple[int, Draw, bool]]  # number, draw, and whether its trace is wanted
 Open = Callable[[Job], AbstractContextManager["Rerunner"]]  # a rerunner of a job, for as long as it is needed
@@ -81,7 +82,8 @@ class Rerunner:
         """
         found: dict[int, Rerun] = {}
         wanted = [(i, draw, i in traced) for i, draw in enumerate(drawn)]
-        for part, results in self._pool.run(wanted[i : i + AT_ONCE] for i in range(0, len(wanted), AT_ONCE)):
+        parts = (wanted[i : i + AT_ONCE] for i in range(0, len(wanted), AT_ONCE))
+        for part, results in self._pool.run(parts, one_by_one=len(wanted) < WORTH_A_PROCESS):
             found |= {i: again for (i, _, _), again in zip(part, results, strict=True)}
             on_done(len(part))
         return [found[i] for i in range(len(drawn))]
@@ -89,6 +91,33 @@ class Rerunner:
     def close(self) -> None:
         """End the processes; they are started again when they are needed again."""
         self._pool.close()
+
+
+class Rerunners:
+    """One rerunner for each job, kept for all that is asked of it within; use as a context manager.
+
+    To start a process costs as much as hundreds of rollouts.
+    """
+
+    def __init__(self, workers: int = 1):
+        self._workers = workers
+        self._stack = ExitStack()
+        self._kept: dict[str, Rerunner] = {}
+
+    def __enter__(self) -> "Rerunners":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._kept.clear()
+        self._stack.__exit__(kind, error, trace)
+
+    def __call__(self, job: Job) -> AbstractContextManager[Rerunner]:
+        """The rerunner of that job; to leave it does not end it."""
+        if job.id not in self._kept:
+            self._kept[job.id] = self._stack.enter_context(Rerunner(job, self._workers))
+        return nullcontext(self._kept[job.id])
 
 
 _problem: Problem | None = None

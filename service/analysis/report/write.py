@@ -58,6 +58,7 @@ def write_report(
     now: datetime | None = None,
     baseline: Baseline = POLICE_REPORTED,
     workers: int = 1,
+    opened: Open | None = None,
 ) -> Path:
     """Write report.html and report.json into `out` (default: the run directory), or `out` itself where it is an .html
     file, and a .json file beside it; the HTML file's path.
@@ -74,7 +75,7 @@ def write_report(
     except OSError as error:
         raise _cannot_write(folder, error) from error
     records = [replay(store, job) for job in store.jobs]
-    made = report_of(store.path.name, records, drawn, workers, store.path, now, baseline)
+    made = report_of(store.path.name, records, drawn, workers, store.path, now, baseline, opened)
     try:
         text = json.dumps(made.facts, indent=1, allow_nan=False, ensure_ascii=False)
         page.with_suffix(".json").write_text(text + "\n", encoding="utf-8")

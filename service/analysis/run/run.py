@@ -22,7 +22,7 @@ from service.analysis.failures.events import Order, events_of
 from service.analysis.failures.examine import EXAMINED, Watch, look_away
 from service.analysis.failures.find import find_failures
 from service.analysis.failures.objects import Failures
-from service.analysis.failures.rerun import Rerunner
+from service.analysis.failures.rerun import Open, Rerunner
 from service.analysis.notebook import estimates_html
 from service.analysis.prevention.objects import Prevention
 from service.analysis.prevention.onset import TTC_S
@@ -123,17 +123,24 @@ class Run:
         with RunDirectory.open(self.path) as store:
             return table_of({job.id: store.record.with_origins(job.id) for job in store.jobs}, OUTCOME_NAMES)
 
-    def report(self, path: str | Path | None = None) -> Path:
+    def report(self, path: str | Path | None = None, opened: Open | None = None) -> Path:
         """Write the HTML report to `path` (default: report.html in the run directory) and its facts beside it, as
-        .json; the page's path."""
-        with RunDirectory.open(self.path) as store:
-            return write_report(store, None if path is None else Path(path), workers=self.workers)
+        .json; the page's path.
 
-    def risks(self) -> dict[str, Risk]:
+        opened: rerunners of jobs that are there already
+        """
+        with RunDirectory.open(self.path) as store:
+            page = None if path is None else Path(path)
+            return write_report(store, page, workers=self.workers, opened=opened)
+
+    def risks(self, opened: Open = Rerunner) -> dict[str, Risk]:
         """The estimates as rates per million km, by job. WorkerError where no rollout can be run to measure how far the
-        ego drives."""
+        ego drives.
+
+        opened: rerunners of jobs that are there already
+        """
         job = self.jobs[0]
-        with Rerunner(job) as rerunner:
+        with opened(job) as rerunner:
             exposure = exposure_of(job, Problem(job).base, rerunner, folder=self.path)
         if exposure is None:
             return {}

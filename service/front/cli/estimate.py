@@ -10,6 +10,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
+from service.analysis.failures.rerun import Rerunners
 from service.analysis.risk import Risk
 from service.analysis.run import Interrupted, estimate
 from service.analysis.run import resume as go_on
@@ -133,19 +134,20 @@ def command(
                 f"\nInterrupted; what was run is kept. Continue with: tailroad estimate --resume {stopped.path}"
             )
             sys.exit(INTERRUPTED)
-    try:
-        risks = run.risks()
-    except WorkerError as error:
-        stderr.print(f"No rate per million km: {error}")
-        risks = {}
-    result = run.save(risks)
-    if as_json:
-        click.echo(json.dumps(result, indent=2))
-    else:
-        _print(result.get("estimates", [result]), result.get("comparison", []))
-        _print_rates(risks)
-    if with_report:
-        (stderr.print if as_json else click.echo)(f"Report: {run.report()}")
+    with Rerunners(run.workers) as opened:
+        try:
+            risks = run.risks(opened)
+        except WorkerError as error:
+            stderr.print(f"No rate per million km: {error}")
+            risks = {}
+        result = run.save(risks)
+        if as_json:
+            click.echo(json.dumps(result, indent=2))
+        else:
+            _print(result.get("estimates", [result]), result.get("comparison", []))
+            _print_rates(risks)
+        if with_report:
+            (stderr.print if as_json else click.echo)(f"Report: {run.report(opened=opened)}")
     sys.exit(NOT_PRECISE if run.imprecise else 0)
 
 
