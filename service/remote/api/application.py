@@ -27,6 +27,7 @@ from service.remote.api.reruns import Reruns
 from service.remote.api.results import ResultAnswers
 from service.remote.api.rollouts import RolloutAnswers
 from service.remote.api.state import StateAnswers
+from service.remote.api.verdicts import VerdictAnswers
 from service.remote.fleet.service import Fleet
 
 log = logging.getLogger("tailroad.api")
@@ -66,7 +67,8 @@ class Application:
         self._reruns = Reruns(limits.rerun_procs, limits.rerun_jobs, limits.rerun_idle_s)
         dangerous = DangerousAnswers(records, self._background, limits, self._reruns)
         findings = FindingAnswers(records, self._background, limits, self._reruns)
-        self._parts = (self, self._state, jobs, results, RolloutAnswers(fleet), dangerous, findings)
+        verdicts = VerdictAnswers(records, self._background, limits, self._reruns)
+        self._parts = (self, self._state, jobs, results, RolloutAnswers(fleet), dangerous, findings, verdicts)
         self._requests = Bucket(limits.requests_per_s, limits.burst)
         self._submissions = Bucket(limits.submissions_per_s, limits.burst)
         self._quotas = Quotas(fleet, limits)

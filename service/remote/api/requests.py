@@ -92,6 +92,28 @@ class AskFailures(_Request, frozen=True):
     outcome: Literal["collision", "off-road", "reversing", "finished", "horizon"] | None = None
 
 
+class AskSeverity(_Request, frozen=True):
+    """Parameters of `jobs/ID/severity`.
+
+    examine: dangerous rollouts at most that are looked at
+    """
+
+    examine: Annotated[int, Meta(ge=1, le=10_000)] | None = None
+
+
+class AskPrevention(_Request, frozen=True):
+    """Parameters of `jobs/ID/prevention`.
+
+    reference: one driver, in place of the first three of UN Regulation 157 and the Joint Research Centre
+    examine: dangerous rollouts at most to drive again
+    onset_ttc_s: time to collision at which a conflict begins
+    """
+
+    reference: Literal["r157-cc", "r157-cc-aeb", "r157-5.2.5.2", "fsm", "rss"] | None = None
+    examine: Annotated[int, Meta(ge=1, le=10_000)] | None = None
+    onset_ttc_s: Annotated[float, Meta(gt=0.0, le=1000.0)] | None = None
+
+
 class AskRollout(_Request, frozen=True):
     """Parameters of `jobs/ID/rollouts/ROW`.
 

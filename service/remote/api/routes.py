@@ -6,11 +6,14 @@ from typing import Any
 import msgspec
 
 from service.analysis.comparison.objects import Comparison
+from service.analysis.coverage.objects import Coverage
 from service.analysis.exports import FORMATS
 from service.analysis.failures.objects import Failures
 from service.analysis.learned.objects import Learned
+from service.analysis.prevention.objects import Prevention
 from service.analysis.report.objects import Report
 from service.analysis.risk import Risk
+from service.analysis.severity.objects import Severity
 from service.remote.api import objects as O
 from service.remote.api import requests as R
 from service.remote.api.problems import ApiError, Wrong, short
@@ -72,6 +75,12 @@ ROUTES = (
           O.Events),
     Route("jobs/{job}/failures", "Dangerous rollouts ranked and grouped into failure modes.", "failures",
           R.AskFailures, Failures),
+    Route("jobs/{job}/severity", "How severe contacts are: changes of velocity, risk of serious injury.", "severity",
+          R.AskSeverity, Severity),
+    Route("jobs/{job}/prevention", "What part of p reference drivers would have prevented, by failure mode.",
+          "prevention", R.AskPrevention, Prevention),
+    Route("jobs/{job}/coverage", "Which cells of the operational design domain P0, the rollouts and p lie in.",
+          "coverage", R.Nothing, Coverage),
     Route("jobs/{job}/rollouts", "The rollouts on record, in pages.", "rollouts", R.RolloutsPage, O.Rollouts),
     Route("jobs/{job}/rollouts/{row}", "One rollout, run once more.", "rollout", R.AskRollout, O.RolloutView),
     Route("jobs/{job}/rollouts/{row}/export", "One rollout as a file for other programs.", "export", R.AskExport, None,

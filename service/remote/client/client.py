@@ -18,10 +18,13 @@ from service.remote.fleet.sessions import is_reader
 
 if TYPE_CHECKING:
     from service.analysis.comparison.objects import Comparison
+    from service.analysis.coverage.objects import Coverage
     from service.analysis.failures.objects import Failures
     from service.analysis.learned.objects import Learned
+    from service.analysis.prevention.objects import Prevention
     from service.analysis.report.objects import Report
     from service.analysis.risk import Risk
+    from service.analysis.severity.objects import Severity
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 PREFIX = "tailroad/v1"
@@ -154,6 +157,32 @@ class Client(Closing):
     ) -> bytes:
         """One rollout as a file: form is scenario, fcd, mp4, mcap or table."""
         return self._file(job, f"rollouts/{row}/export", format=form, phase=phase, iteration=iteration)
+
+    def severity(self, job: str, examine: int | None = None) -> "Severity":
+        """How severe a job's contacts are; waits while the service runs rollouts again."""
+        from service.analysis.severity.objects import Severity
+
+        return self._of(job, "severity", Severity, examine=examine)
+
+    def prevention(
+        self,
+        job: str,
+        reference: str | None = None,
+        examine: int | None = None,
+        onset_ttc_s: float | None = None,
+    ) -> "Prevention":
+        """What part of p reference drivers would have prevented; waits while the service drives rollouts again."""
+        from service.analysis.prevention.objects import Prevention
+
+        return self._of(
+            job, "prevention", Prevention, reference=reference, examine=examine, onset_ttc_s=onset_ttc_s
+        )
+
+    def coverage(self, job: str) -> "Coverage":
+        """Which cells of the operational design domain P0, the rollouts and p lie in."""
+        from service.analysis.coverage.objects import Coverage
+
+        return self._of(job, "coverage", Coverage)
 
     def learned(self, job: str, rollouts: int = 100) -> "Learned":
         """What the search learned; waits while the service runs rollouts again."""

@@ -26,7 +26,7 @@ PEOPLE, PAPER = "i80-10s", "i80-paper-10s"
 MEASURE, GAMMA = "ttc-impact", 0.0
 EGOS = {  # rollouts in both worlds at the scale `paper`; those that SUMO or a camera must drive are slower
     "lidar": (400_000, 100_000), "idm": (400_000, 100_000), "lidar-paper": (400_000, 100_000),
-    "sumo:Krauss": (60_000, 60_000), "vision": (6_000, 10_000),
+    "sumo:Krauss": (30_000, 30_000), "vision": (2_000, 4_000),
 }  # fmt: skip
 SHARES = {"smoke": 0.0003, "small": 0.003, "medium": 0.03, "large": 0.3, "paper": 1.0}
 

@@ -18,9 +18,12 @@ from click.testing import CliRunner
 from mcap.reader import make_reader
 
 from service.analysis.comparison.objects import Comparison
+from service.analysis.coverage.objects import Coverage
 from service.analysis.learned.objects import Learned
+from service.analysis.prevention.objects import Prevention
 from service.analysis.report.objects import Report
 from service.analysis.risk import Risk
+from service.analysis.severity.objects import Severity
 from service.front.cli.main import main
 from service.remote.api.schemas import schema_of
 from service.remote.client import Client, Refused
@@ -70,6 +73,24 @@ def test_what_was_learned(client: Client, jobs: list[str]) -> None:
         "headway",
         "speed",
     }
+
+
+def test_what_dangerous_rollouts_come_to(client: Client, jobs: list[str]) -> None:
+    severity = client.severity(jobs[0], examine=2)
+    valid(severity, Severity)
+    estimate = client.estimate(jobs[0])
+    assert (severity.job, severity.events) == (jobs[0], estimate.events)
+    prevention = client.prevention(jobs[0], reference="fsm", examine=2)
+    valid(prevention, Prevention)
+    assert [by.reference for by in prevention.references] == ["fsm"]
+    assert prevention.examined == min(2, estimate.events)
+    coverage = client.coverage(jobs[0])
+    valid(coverage, Coverage)
+    assert coverage.looked_at == 60
+    for one in coverage.attributes:
+        assert sum(cell.events for cell in one.cells) == estimate.events
+    with pytest.raises(Refused):
+        client.prevention(jobs[0], reference="nobody")
 
 
 def test_comparison(client: Client, jobs: list[str]) -> None:
