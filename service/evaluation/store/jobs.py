@@ -26,6 +26,7 @@ from service.evaluation.store.database import (
     shown,
     writing,
 )
+from service.evaluation.store.decoding import decoded, status_of
 from service.evaluation.store.log import AuditLog
 from service.evaluation.store.records import ChunkRecord
 from service.evaluation.store.states import StateRecord
@@ -41,6 +42,7 @@ from service.evaluation.store.tables import (
 )
 
 OPEN = ("running", "paused")  # statuses of jobs that are not over
+STATUSES = (*OPEN, "done", "cancelled", "failed", "needs-restart")
 STATUS = "status"  # the kind of event whose last one is the job's status
 _STATUS = (
     sa.select(events.c.body)
@@ -173,7 +175,9 @@ class JobStore(Closing):
         have one of these."""
         wanted = set(statuses)
         every = self._read(sa.select(jobs.c.id, _STATUS).order_by(jobs.c.number))
-        found = (self.job(row.id) for row in every if msgspec.json.decode(row.status)["status"] in wanted)
+        found = (
+            self.job(row.id) for row in every if status_of(row.status, row.id, STATUSES).status in wanted
+        )
         return [row for row in found if row is not None]
 
     def add_event(self, job_id: str, kind: str, body: dict[str, Any]) -> Event:
@@ -199,16 +203,18 @@ class JobStore(Closing):
 
     def _events(self, query: sa.Select) -> list[Event]:
         return [
-            Event(row.job, row.number, row.kind, msgspec.json.decode(row.body), row.at)
+            Event(
+                row.job, row.number, row.kind, decoded(row.body, dict, f"an event of job {row.job}"), row.at
+            )
             for row in self._read(query)
         ]
 
     def _jobs(self, query: sa.Select) -> Iterator[JobRow]:
         for row in self._read(query):
-            status = msgspec.json.decode(row.status)
-            job = msgspec.json.decode(row.spec, type=Job)
+            status = status_of(row.status, row.id, STATUSES)
+            job = decoded(row.spec, Job, f"the question of job {row.id}")
             yield JobRow(row.id, row.number, job, row.priority, row.weight, row.label, row.at,
-                         status["status"], status["reason"], row.max_failed)  # fmt: skip
+                         status.status, status.reason, row.max_failed)  # fmt: skip
 
     # -- chunks, iterations, audits --------------------------------------------------------------------------
 
@@ -231,9 +237,11 @@ class JobStore(Closing):
                 (sa.func.count(), voids),
             )
         ]
-        (row,) = self._read(sa.select(jobs.c.id, _STATUS, *of_job).where(jobs.c.id == job_id))
-        _, status, epoch, recorded, voided = row
-        return Mark(msgspec.json.decode(status)["status"], epoch or 0, recorded, voided)
+        found = self._read(sa.select(jobs.c.id, _STATUS, *of_job).where(jobs.c.id == job_id))
+        if not found:
+            raise StoreError(f"there is no job {job_id!r} in the database any more; take it from a copy")
+        _, status, epoch, recorded, voided = found[0]
+        return Mark(status_of(status, job_id, STATUSES).status, epoch or 0, recorded, voided)
 
     def cost(self, job_id: str) -> tuple[float, int, int]:
         """What the job's rollouts in the record have taken: worker seconds, simulated steps, how many SUMO drove."""
@@ -325,7 +333,10 @@ class JobStore(Closing):
                     _add_event(connection, job_id, STATUS, body, now)
             rows = [{"worker": name, "reason": why, "at": now} for name in (worker, *also)]
             connection.execute(insert_once(self._engine, quarantine), rows)
-        return list(found)
+            # once more where the database has done it before and its answer was lost: the same jobs
+            void = sa.and_(*(chunks.c[k] == voids.c[k] for k in key), chunks.c.worker == worker)
+            concerned = connection.scalars(sa.select(voids.c.job).join(chunks, void).distinct()).all()
+        return sorted(concerned)
 
     def void(
         self, job_id: str, names: Iterable[tuple[str, int, int, int]], next_epoch: int, why: str

@@ -73,6 +73,12 @@ class Statistics:
         row = self._store.job(job)
         if row is None:
             raise NoSuchJob(job)
+        begun = self._store.beginnings.of(job)
+        if begun is not None and (other := begun.differs_from(row.job)):
+            raise StoreError(
+                f"the database says {other.path} = {other.now} of job {job}, and it was begun with {other.path} = "
+                f"{other.then}: what it came to is not told; put it back, or take the database from a copy"
+            )
         problem = Problem(row.job)
         with self._lock:
             problem = self._problems.setdefault(job, problem)

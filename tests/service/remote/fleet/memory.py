@@ -60,7 +60,7 @@ class Record:
         jobs = sorted({key[0] for key in doubtful})
         later = {job: self.epoch(job) + 1 for job in jobs}
         self.voids |= {key: later[key[0]] for key in doubtful}
-        return tuple(jobs)
+        return tuple(sorted({key[0] for key in self.voids if self.chunks[key][1].worker == worker}))
 
 
 class MemoryStore:

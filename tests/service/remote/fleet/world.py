@@ -106,6 +106,9 @@ class World:
     hosts: dict[str, str] = field(default_factory=dict)  # addresses of workers; each its own otherwise
     leased: int = 0
     replies: list = field(default_factory=list)
+    reopened: set[str] = field(
+        default_factory=set
+    )  # jobs that were done, and are running again for a quarantine
     audited: bool = True  # the ego is no black box
     repeated: list[dict] = field(default_factory=list)  # what was told of chunks that were run again
 
@@ -195,15 +198,17 @@ class World:
             self.record.on_read = lambda: None
         return bits(ALGORITHMS[self.jobs[job]].estimate(step.state))
 
-    def write(self) -> None:
-        """Carry out the first thing that waits for the database."""
-        one = self.writes.pop(0)
+    def write(self, heard: bool = True) -> None:
+        """Carry out the first thing that waits for the database. heard: False: it was done and its answer was lost, so
+        that it is asked for again."""
+        one = self.writes[0] if not heard else self.writes.pop(0)
         if isinstance(one, E.Record):
             self.record.append(one)
-            self.tell(E.Recorded((one.ticket,)))
+            if heard:
+                self.tell(E.Recorded((one.ticket,)))
         elif isinstance(one, E.SetStatus):
             self.record.statuses[one.job] = one.status
-            if one.status not in OPEN:
+            if heard and one.status not in OPEN:
                 self.statistics.end(one.job)
                 self.to_keep += [one.job] if one.status == "done" else []
         elif isinstance(one, E.Note):
@@ -214,10 +219,12 @@ class World:
         elif isinstance(one, E.Quarantine):
             jobs = self.record.quarantine(one.worker, one.reason)
             self.record.quarantined |= dict.fromkeys(one.also, one.reason)
-            self.tell(E.Voided(one.worker, jobs))
-            for job in jobs:
-                if self.record.statuses.get(job) == "done":
-                    self.record.statuses[job] = "running"
+            done = [job for job in jobs if self.record.statuses.get(job) == "done"]
+            self.record.statuses |= dict.fromkeys(done, "running")  # by the same transaction
+            self.reopened |= set(done)
+            if heard:
+                self.tell(E.Voided(one.worker, jobs))
+                for job in sorted(self.reopened & set(jobs)):
                     self.tell(E.Submitted(job, "idm", audited=self.audited, held_bytes=1))
 
     # -- the workers' side -----------------------------------------------------------------------------------
