@@ -140,7 +140,7 @@ _VEHICLES = tuple(name for name, _, _ in CLASSES)
 # Rain by the classes of intensity of weather services, fog by the WMO's limit of 1 km, traffic by the levels of service
 # of the Highway Capacity Manual for freeways (7, 11, 16, 22, 28 passenger cars per km and lane).
 ATTRIBUTES = (
-    Attribute("lanes", "scenery: number of lanes", "lanes", ("1", "2", "3", "4", "5", "6", "7 and more"),
+    Attribute("lanes", "scenery: number of lanes", "", ("1", "2", "3", "4", "5", "6", "7 and more"),
               (1.5, 2.5, 3.5, 4.5, 5.5, 6.5), _lanes),
     Attribute("curvature", "scenery: horizontal alignment, radius", "m",
               ("above 2,000", "1,000 to 2,000", "500 to 1,000", "250 to 500", "below 250"),
