@@ -27,6 +27,10 @@ class RolloutFiles(ABC):
         """Every vehicle at every step (.parquet)."""
         return self._write("table", path)
 
+    def openscenario(self, path: str | Path) -> Path:
+        """ASAM OpenSCENARIO XML 1.3, each vehicle on its trajectory (.xosc)."""
+        return self._write("openscenario", path)
+
     @abstractmethod
     def _write(self, form: str, path: str | Path) -> Path:
         """Run the rollout again and write it in a form of `service.analysis.exports.SUFFIXES`."""

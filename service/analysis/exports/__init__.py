@@ -1,4 +1,5 @@
-"""A rollout in the forms that other programs open: scenario file, SUMO's floating-car data, film, recording, table.
+"""A rollout in the forms that other programs open: scenario file, SUMO's floating-car data, film, recording, table,
+ASAM OpenSCENARIO.
 
 write_exports   runs the rollout once more in this process and writes the files asked for
 export_bytes    the same in a process of its own, for one form, as bytes

@@ -1,10 +1,12 @@
 """One rollout once more, written in every form asked for."""
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
+from service.analysis.exports.openscenario import write_openscenario
 from service.analysis.failures.recording import write_recording
 from service.analysis.failures.rerun import Rerun, rerun
 from service.analysis.failures.scenario_file import scenario_text
@@ -19,6 +21,7 @@ FORMATS = {  # what a client may ask for: media type and the file's suffix
     "mp4": ("video/mp4", ".mp4"),
     "mcap": ("application/octet-stream", ".mcap"),
     "table": ("application/vnd.apache.parquet", ".parquet"),
+    "openscenario": ("application/xml", ".xosc"),
 }
 SUFFIXES = {form: suffix for form, (_, suffix) in FORMATS.items()}
 
@@ -32,6 +35,7 @@ class Exports:
     mp4: a film
     mcap: a recording for viewers of robot logs
     table: every vehicle at every step, as Parquet
+    openscenario: ASAM OpenSCENARIO XML 1.3, the vehicles on their trajectories
     """
 
     scenario: Path | None = None
@@ -39,6 +43,7 @@ class Exports:
     mp4: Path | None = None
     mcap: Path | None = None
     table: Path | None = None
+    openscenario: Path | None = None
 
 
 def write_exports(
@@ -74,6 +79,8 @@ def write_forms(
         files.scenario.write_text(text, encoding="utf-8")
     if files.table is not None:
         write_table(trace, files.table)
+    if files.openscenario is not None:
+        write_openscenario(trace, files.openscenario, title, datetime.now(UTC))
     if files.mcap is not None:
         rays = problem.job.scenario.safety.rays
         write_recording(trace, problem.corridor, files.mcap, problem.job.gamma, rays, {"scenario.toml": text})

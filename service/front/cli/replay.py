@@ -33,6 +33,8 @@ FILE = click.Path(dir_okay=False, path_type=Path)
 @click.option(
     "--recording", type=FILE, help="A recording (.mcap) for Foxglove and other viewers of robot logs."
 )
+@click.option("--openscenario", type=FILE, help="ASAM OpenSCENARIO XML 1.3 (.xosc), each vehicle on its trajectory, "
+              "for esmini and other players.")  # fmt: skip
 @json_option()
 def command(
     run: Path,
@@ -45,6 +47,7 @@ def command(
     table: Path | None,
     scenario_file: Path | None,
     recording: Path | None,
+    openscenario: Path | None,
     as_json: bool,
 ) -> None:
     """Run the dangerous rollout of RUN at RANK of `tailroad failures` again, and export it."""
@@ -54,6 +57,7 @@ def command(
         "--trace": table,
         "--scenario": scenario_file,
         "--recording": recording,
+        "--openscenario": openscenario,
     }
     for what, path in files.items():
         require_folder(path, what)
@@ -66,7 +70,9 @@ def command(
     position = int(events.ranking(order)[rank - 1])
     ((x, noise_seed),) = events.drawn([position])
     title = f"{run.name}, rank {rank} by {order}" + (f" of those with {outcome}" if outcome else "")
-    exports = Exports(scenario=scenario_file, fcd=fcd, mp4=video, mcap=recording, table=table)
+    exports = Exports(
+        scenario=scenario_file, fcd=fcd, mp4=video, mcap=recording, table=table, openscenario=openscenario
+    )
     again = write_exports(record.problem, x, noise_seed, title, exports)
     failure = failure_of(events, position, again, rank)
     if as_json:

@@ -25,6 +25,7 @@ MEDIA = {
     "xml": "application/xml",
     "mp4": "video/mp4",
     "mcap": "application/octet-stream",
+    "xosc": "application/xml",
 }
 
 

@@ -134,10 +134,11 @@ class AskExport(_Request, frozen=True):
     """Parameters of `jobs/ID/rollouts/ROW/export`.
 
     format: scenario (a scenario file that holds the rollout), fcd (SUMO's floating-car data), mp4 (a film), mcap (a
-        recording for viewers of robot logs), table (every vehicle at every step, as Parquet)
+        recording for viewers of robot logs), table (every vehicle at every step, as Parquet), openscenario (ASAM
+        OpenSCENARIO XML 1.3)
     """
 
-    format: Literal["scenario", "fcd", "mp4", "mcap", "table"]
+    format: Literal["scenario", "fcd", "mp4", "mcap", "table", "openscenario"]
     phase: Literal["estimate", "train"] = "estimate"
     iteration: Number | None = None
 

@@ -23,6 +23,7 @@ FORMATS = {
     "fcd": ("xml", "SUMO floating-car data"),
     "mp4": ("mp4", "Film"),
     "table": ("parquet", "Every vehicle at every step, as a table (Parquet)"),
+    "openscenario": ("xosc", "ASAM OpenSCENARIO 1.3, each vehicle on its trajectory"),
     "mcap": ("mcap", "MCAP recording for Foxglove and others"),
 }
 
