@@ -124,7 +124,7 @@ drivers: $(VENV)/.installed-dev
 # It learns in our own world among the drivers, from no recordings; goes on where it was interrupted.
 ego-vision: $(VENV)/.installed-dev
 	OMP_NUM_THREADS=1 $(BIN)/tailroad train ego-vision --out $(WEIGHTS) --seed 1 --name vision-paper \
-	  --demonstrator careful
+	  --demonstrator careful --emergency 0 --scenario i80-paper-10s --weather-scenario i80-paper-data --check-drives 120
 
 # The example ego in Rust (needs cargo), and rollouts driven by it: minutes.
 example-ego: $(VENV)/.installed-dev

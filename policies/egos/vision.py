@@ -5,6 +5,9 @@ and the range rates; where the lanes are it has to see. The network is an ONNX f
 standardisation: inputs `frame` (1, 66, 200, 3) uint8 RGB and `beside` (1, 41) float32, output `action` (1, 2): m/s^2
 and rad/s. It runs in ONNX Runtime on one thread: the same bits on one machine; on a processor with other vector
 instructions the last bits of an action may differ (deploy/decisions/0033-vision-ego.md).
+
+Where the file's metadata say so, braking and moving over in an emergency stand beside the network
+(policies.egos.emergency), from the same lidar. It is given no lane offset there: the ego does not know it.
 """
 
 import json
@@ -16,10 +19,12 @@ import numpy as np
 
 from policies import layout
 from policies.drivers import WeightsError
+from policies.egos.emergency import intervene
 from policies.egos.protocol import Observation
 
 FRAME_SHAPE = (66, 200, 3)
 BESIDE = 1 + 2 * layout.BEAMS  # speed, ranges, range rates
+EMERGENCY = "emergency"  # in the file's metadata
 WEIGHTS = Path(__file__).resolve().parents[1] / "weights" / "ego-vision.onnx"
 
 
@@ -55,6 +60,7 @@ class VisionEgo:
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3
         self._session = onnxruntime.InferenceSession(str(weights), options, providers=list(providers))
+        self.emergency: bool = self._session.get_modelmeta().custom_metadata_map.get(EMERGENCY, "no") == "yes"
 
     def reset(self, seed: int) -> None:
         pass
@@ -87,8 +93,16 @@ class VisionEgo:
             seen = beside(np.stack([pairs[i][1].vector for i in good]))
             actions = pairs[0][0]._session.run(None, {"frame": np.stack(frames), "beside": seen})[0]
             for i, (acceleration, turn_rate) in zip(good, actions, strict=True):
-                answers[i] = float(acceleration), float(turn_rate)
+                action = float(acceleration), float(turn_rate)
+                answers[i] = _in_emergency(pairs[i][1], action) if pairs[0][0].emergency else action
         return answers
+
+
+def _in_emergency(observation: Observation, action: tuple[float, float]) -> tuple[float, float]:
+    known = np.array(observation.vector, dtype=np.float64)
+    known[layout.LANE_OFFSET_M] = 0.0
+    acceleration, turn_rate = intervene(known, *action)
+    return float(acceleration), float(turn_rate)
 
 
 def _no_picture(frame: np.ndarray | None) -> ValueError:

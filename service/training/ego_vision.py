@@ -1,4 +1,4 @@
-"""Train the vision ego: it learns from pictures of I-80 to drive as an expert does who knows where the lanes are.
+r"""Train the vision ego: it learns from pictures of I-80 to drive as an expert does who knows where the lanes are.
 
     tailroad train ego-vision --out DIR --seed 1
 
@@ -7,12 +7,15 @@ close and avoids conflicts that it sees coming (service.training.demonstrator). 
 road, then moments that the network itself reaches while it drives among a scenario's drivers (data set aggregation,
 Ross et al. 2011). Pictures are rendered while it learns, in a weather drawn anew each time, so no picture is seen
 twice. Besides the action the features learn to tell lane offset, heading and curvature; that part is not exported.
-Written to --out: ego-NAME.onnx and its card ego-NAME.json. Half an hour on a free core; an interrupted run goes on
-after its last finished round, and within a round at its last checkpoint.
+Beside the exported network stand braking and moving over in an emergency, from the lidar (policies.egos.emergency); it
+learns without them. Written to --out: ego-NAME.onnx and its card ego-NAME.json. Half an hour on a free core; an
+interrupted run goes on after its last finished round, and within a round at its last checkpoint.
 
-The ego of the paper's scenarios learned from the careful part of that demonstrator alone:
+The ego of the paper's scenarios learned there, from the careful part of that demonstrator alone, and is the network
+alone:
 
-    tailroad train ego-vision --out DIR --seed 1 --name vision-paper --demonstrator careful
+    tailroad train ego-vision --out DIR --seed 1 --name vision-paper --demonstrator careful --emergency 0 \
+      --scenario i80-paper-10s --weather-scenario i80-paper-data --check-drives 120
 """
 
 import json
@@ -32,7 +35,7 @@ from service.training import stored
 from service.training.demonstrator import demonstrated, is_attentive
 from service.training.ego_vision_figures import figures
 from service.training.ego_vision_network import ACTION_SCALE, CHANNELS, HINT_SCALE, VisionNet, export
-from service.training.ego_vision_world import SCENARIOS, WEATHER_KINDS, States, VisionWorld
+from service.training.ego_vision_world import WEATHER_KINDS, States, VisionWorld
 from service.training.lane_changes import KeepingExpert
 from service.training.run import Stages, begin, ticks, versions
 
@@ -56,8 +59,9 @@ class Arguments:
     seed: int = 1
     name: str = "vision"  # of the ego: the weights are ego-NAME
     demonstrator: str = "attentive"  # who labels what it sees: attentive, or careful (vision-paper's)
-    scenario: str = SCENARIOS[0]  # that it drives in
-    weather_scenario: str = SCENARIOS[1]  # that it drives in half of the time, and whose weather it sees
+    emergency: int = 1  # 1: what it does in an emergency stands beside the network; 0: the network alone
+    scenario: str = "i80"  # that it drives in
+    weather_scenario: str = "i80-data"  # that it drives in half of the time, and whose weather it sees
     drivers: str = "drivers-gail"  # weights of the drivers around the ego
     scattered: int = 30_000  # moments to begin with
     rounds: int = 2  # of aggregation
@@ -68,7 +72,7 @@ class Arguments:
     final_steps: int = 900
     batch: int = 64
     rate: float = 1.2e-3  # of learning, at its height
-    check_drives: int = 120  # of the final check, in each weather
+    check_drives: int = 20  # of the final check, in each weather
     threads: int = 1
 
 
@@ -94,7 +98,7 @@ def main() -> None:
                 arguments.final_steps if last else (arguments.round_steps if turn else arguments.first_steps)
             )
             learn(net, world, states, steps, turn, arguments, stages, streams[1 + turn], progress)
-            export(net, onnx)
+            export(net, onnx, emergency=last and bool(arguments.emergency))
             if not last:
                 rng = np.random.default_rng(streams[arguments.rounds + 2 + turn])
                 states = States.joined(
@@ -116,7 +120,8 @@ def main() -> None:
     card = {
         "name": f"ego-{arguments.name}",
         "what": "ego policy under test: camera 200 x 66 RGB, speed and 20-beam lidar -> acceleration and turn rate",
-        "method": "imitation of a lane-keeping, careful expert in our world, data set aggregation over all weathers",
+        "method": "imitation of a lane-keeping, careful expert in our world, data set aggregation over all weathers"
+        + ("; braking and moving over in an emergency beside it, from its lidar" if arguments.emergency else ""),
         **run.repeated_by(),
         "network": {"convolutions": list(CHANNELS), "parameters": sum(p.numel() for p in net.parameters()),
                     "action_scale": list(ACTION_SCALE)},

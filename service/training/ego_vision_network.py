@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
+import onnx
 import torch
 from torch import Tensor, nn
 
-from policies.egos.vision import BESIDE, FRAME_SHAPE
+from policies.egos.vision import BESIDE, EMERGENCY, FRAME_SHAPE
 
 CHANNELS = (16, 24, 36, 48, 48)  # PilotNet has 24, 36, 48, 64, 64; half the work, as good here
 FEATURES = 100
@@ -59,8 +60,9 @@ class VisionNet(nn.Module):
         return self.both(frame, beside)[0] * self.action_scale
 
 
-def export(net: VisionNet, path: Path) -> None:
-    """Write the network as ONNX, for one picture at a time or many."""
+def export(net: VisionNet, path: Path, emergency: bool = False) -> None:
+    """Write the network as ONNX, for one picture at a time or many; emergency: whether the ego brakes and moves over in
+    an emergency beside it (policies.egos.emergency)."""
     path.parent.mkdir(parents=True, exist_ok=True)
     example = (torch.zeros((1, *FRAME_SHAPE), dtype=torch.uint8), torch.zeros((1, BESIDE)))
     net.eval()
@@ -68,3 +70,7 @@ def export(net: VisionNet, path: Path) -> None:
         net, example, str(path), input_names=["frame", "beside"], output_names=["action"], opset_version=17,
         dynamic_axes={"frame": {0: "n"}, "beside": {0: "n"}, "action": {0: "n"}}, dynamo=False,
     )  # fmt: skip
+    if emergency:
+        model = onnx.load(str(path))
+        onnx.helper.set_model_props(model, {EMERGENCY: "yes"})
+        onnx.save(model, str(path))

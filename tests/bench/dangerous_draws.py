@@ -24,7 +24,7 @@ from service.world.scenario.schema import Scenario
 from service.world.sim.rollout import Rollout, Simulator
 from service.world.sim.without_sumo import WithoutSumo
 
-LEVELS_S = (1.0, 2.0, 3.0)
+LEVELS_S = (1.0, 2.0, 3.0, 4.0)
 
 
 def chosen(scenario: Scenario, by: str, rollouts: int, seed: int, near: float) -> np.ndarray:
@@ -66,6 +66,7 @@ def facts(rollouts: list[Rollout]) -> dict[str, object]:
         "fastest_mps": max((c.speed_mps for c in contacts), default=None),
         "off_road": sum(r.outcome == "off-road" for r in rollouts),
         "failed": sum(math.isnan(r.f) for r in rollouts),
+        "f": [round(float(value), 2) if value < 100.0 else None for value in f],
         **{f"f at most {level:g} s": int((f <= level).sum()) for level in LEVELS_S},
     }  # fmt: skip
 
@@ -83,15 +84,19 @@ def main() -> None:
     )
     parser.add_argument("--rollouts", type=int, default=40_000, help="of it [40000]")
     parser.add_argument("--near", type=float, default=3.0, help="f of it at most, s [3]")
+    parser.add_argument("--most", type=int, default=1_000, help="of these draws, the first [1000]")
     parser.add_argument("--others", type=int, default=0, help="of the first remaining draws, too [0]")
     parser.add_argument("--seed", type=int, default=2, help="[2]")
     a = parser.parse_args()
     scenario = load_scenario(a.scenario)
     rows = chosen(scenario, a.by, a.rollouts, a.seed, a.near)
     rest = np.setdiff1d(np.arange(a.rollouts), rows)[: a.others]
-    print(json.dumps({"dangerous draws": rows.size, "of": a.rollouts}), flush=True)
+    print(
+        json.dumps({"dangerous draws": rows.size, "of": a.rollouts, "driven": rows[: a.most].size}),
+        flush=True,
+    )
     for ego in a.ego:
-        told = {"ego": ego, "on dangerous draws": facts(driven(scenario, ego, a.seed, rows))}
+        told = {"ego": ego, "on dangerous draws": facts(driven(scenario, ego, a.seed, rows[: a.most]))}
         if rest.size:
             told["on others"] = facts(driven(scenario, ego, a.seed, rest))
         print(json.dumps(told), flush=True)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import onnx
 import pytest
 
 from policies import layout
 from policies.drivers import WeightsError
 from policies.egos import Observation, load_ego
-from policies.egos.vision import BESIDE, FRAME_SHAPE, VisionEgo, beside, vision_card
+from policies.egos.emergency import intervene
+from policies.egos.vision import BESIDE, EMERGENCY, FRAME_SHAPE, WEIGHTS, VisionEgo, beside, vision_card
 from service.world.camera import Camera, Weather, build_scene
 from service.world.camera.sheet import traffic
 
@@ -69,6 +71,33 @@ def test_the_same_picture_gets_the_same_answer(ego):
     frame = np.random.default_rng(0).integers(0, 256, FRAME_SHAPE, dtype=np.uint8)
     seen = Observation(np.zeros(layout.OBSERVATION_SIZE), 0.0, None, frame)
     assert ego.act(seen) == ego.act(seen) == VisionEgo().act(seen)
+
+
+def test_weights_that_ask_for_it_brake_in_an_emergency_whatever_the_network_says(tmp_path):
+    model = onnx.load(str(WEIGHTS))
+    onnx.helper.set_model_props(model, {EMERGENCY: "yes"})
+    onnx.save(model, str(tmp_path / "careful.onnx"))
+    ego = VisionEgo(tmp_path / "careful.onnx")
+    assert ego.emergency
+    assert not load_ego("vision-paper").emergency
+    frame = np.random.default_rng(2).integers(0, 256, FRAME_SHAPE, dtype=np.uint8)
+    vector = np.zeros(layout.OBSERVATION_SIZE)
+    vector[[layout.SPEED_MPS, layout.LENGTH_M, layout.WIDTH_M]] = 15.0, 4.5, 1.8
+    vector[layout.RANGE_M : layout.RANGE_RATE_MPS] = layout.LIDAR_RANGE_M
+
+    def alone(seen: np.ndarray) -> tuple[float, float]:
+        given = {"frame": frame[None], "beside": beside(seen[None])}
+        acceleration, turn_rate = ego._session.run(None, given)[0][0]
+        return float(acceleration), float(turn_rate)
+
+    assert ego.act(Observation(vector, 0.0, None, frame)) == alone(vector)
+    vector[layout.RANGE_M], vector[layout.RANGE_RATE_MPS] = 8.0, -6.0  # straight ahead, a second away
+    vector[layout.LANE_OFFSET_M] = 0.8  # which it does not know
+    acted = ego.act(Observation(vector, 0.0, None, frame))
+    blind = vector.copy()
+    blind[layout.LANE_OFFSET_M] = 0.0
+    assert acted == intervene(blind, *alone(vector))
+    assert acted[0] < -3.0
 
 
 def test_a_batch_answers_each_as_if_it_were_alone(ego):
