@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from service.analysis.exports.opendrive import write_opendrive
 from service.analysis.exports.openscenario import write_openscenario
 from service.analysis.failures.recording import write_recording
 from service.analysis.failures.rerun import Rerun, rerun
@@ -36,6 +37,7 @@ class Exports:
     mcap: a recording for viewers of robot logs
     table: every vehicle at every step, as Parquet
     openscenario: ASAM OpenSCENARIO XML 1.3, the vehicles on their trajectories
+    road: ASAM OpenDRIVE, which the OpenSCENARIO file then names; in the same folder
     """
 
     scenario: Path | None = None
@@ -44,6 +46,7 @@ class Exports:
     mcap: Path | None = None
     table: Path | None = None
     openscenario: Path | None = None
+    road: Path | None = None
 
 
 def write_exports(
@@ -80,7 +83,10 @@ def write_forms(
     if files.table is not None:
         write_table(trace, files.table)
     if files.openscenario is not None:
-        write_openscenario(trace, files.openscenario, title, datetime.now(UTC))
+        road = None if files.road is None else files.road.name
+        write_openscenario(trace, files.openscenario, title, datetime.now(UTC), road)
+    if files.road is not None:
+        write_opendrive(problem.corridor.net_path, files.road)
     if files.mcap is not None:
         rays = problem.job.scenario.safety.rays
         write_recording(trace, problem.corridor, files.mcap, problem.job.gamma, rays, {"scenario.toml": text})

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from service.analysis.exports import Exports, write_exports
+from service.analysis.exports.opendrive import MISSING, netconvert
 from service.analysis.failures.events import ORDERS, Order, events_of
 from service.analysis.failures.objects import Failure
 from service.analysis.failures.tell import failure_of
@@ -34,7 +35,7 @@ FILE = click.Path(dir_okay=False, path_type=Path)
     "--recording", type=FILE, help="A recording (.mcap) for Foxglove and other viewers of robot logs."
 )
 @click.option("--openscenario", type=FILE, help="ASAM OpenSCENARIO XML 1.3 (.xosc), each vehicle on its trajectory, "
-              "for esmini and other players.")  # fmt: skip
+              "for esmini and other players; the road beside it (.xodr) where netconvert is installed.")  # fmt: skip
 @json_option()
 def command(
     run: Path,
@@ -70,8 +71,18 @@ def command(
     position = int(events.ranking(order)[rank - 1])
     ((x, noise_seed),) = events.drawn([position])
     title = f"{run.name}, rank {rank} by {order}" + (f" of those with {outcome}" if outcome else "")
+    road = None if openscenario is None or netconvert() is None else openscenario.with_suffix(".xodr")
+    if openscenario is not None and road is None:
+        click.echo(f"{openscenario}: {MISSING}", err=True)
+    files["road"] = road
     exports = Exports(
-        scenario=scenario_file, fcd=fcd, mp4=video, mcap=recording, table=table, openscenario=openscenario
+        scenario=scenario_file,
+        fcd=fcd,
+        mp4=video,
+        mcap=recording,
+        table=table,
+        openscenario=openscenario,
+        road=road,
     )
     again = write_exports(record.problem, x, noise_seed, title, exports)
     failure = failure_of(events, position, again, rank)

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 import ce
+from service.analysis.exports.opendrive import write_opendrive
 from service.analysis.exports.openscenario import openscenario_text
 from service.analysis.trace import record
+from service.errors import SimulationError
 from service.evaluation.job import Problem, make_job
 from service.world import agents as A
 from service.world.scenario import load_scenario
@@ -74,3 +76,23 @@ def test_a_vehicle_that_leaves_the_road_ends_there(trace):
     lengths = [len(list(group.iter("Vertex"))) for group in root.iter("ManeuverGroup")]
     assert lengths[2] == 40
     assert lengths[0] == len(trace.time_s)
+
+
+def test_the_road_beside_it_has_the_coordinates_of_the_drive(trace, tmp_path):
+    problem = Problem(
+        make_job(load_scenario("i80-10s"), "idm", gamma=0.0, method="naive", seed=1, options={})
+    )
+    road = tmp_path / "drive.xodr"
+    write_opendrive(problem.corridor.net_path, road)
+    root = ET.parse(road).getroot()
+    lines = np.array([[float(one.get("x")), float(one.get("y"))] for one in root.iter("geometry")])
+    for agent in trace.agents[0]:
+        assert np.hypot(*(lines - agent[[A.X_M, A.Y_M]]).T).min() < 60.0
+    named = openscenario_text(trace, "drive", MADE, road.name)
+    assert ET.fromstring(named).find("RoadNetwork/LogicFile").get("filepath") == "drive.xodr"
+
+
+def test_without_netconvert_it_is_said_how_to_get_it(monkeypatch, tmp_path):
+    monkeypatch.setattr("service.analysis.exports.opendrive.netconvert", lambda: None)
+    with pytest.raises(SimulationError, match="pip install eclipse-sumo"):
+        write_opendrive("some.net.xml", tmp_path / "road.xodr")
