@@ -17,7 +17,7 @@ help:
 	@echo "make calibration  run every estimator on problems with known answers (an hour or more)"
 	@echo "make calibration-peers  other libraries on the same problems (an hour)"
 	@echo "make guides    follow the guides for newcomers word by word (minutes)"
-	@echo "make faults     kill workers and scheduler many times, play long random fleets (half an hour or more)"
+	@echo "make faults     kill workers and scheduler many times, restart PostgreSQL, harm stores, play 10,000 random fleets (an hour or more)"
 	@echo "make attentive  100,000 rollouts of drivers who look: none runs into the one ahead (minutes)"
 	@echo "make bench-fleet  what the scheduler costs with 200 workers and over a million rollouts"
 	@echo "make fuzz       100,000 wrong inputs to everything that reads from outside (ten minutes or more; goes on where it stopped)"
@@ -71,6 +71,9 @@ guides: $(VENV)/.installed-dev
 
 faults: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m long tests/service/remote/fleet
+	$(BIN)/python -m pytest -m 'long or not long' tests/service/remote/fleet/test_readers.py tests/service/evaluation/store/test_claim.py \
+	  tests/service/remote/test_outages.py
+	$(BIN)/python -m tests.bench.store_faults --plays 10000 --page build/store-faults.md
 
 # Drivers who look, in 100,000 rollouts: minutes.
 attentive: $(VENV)/.installed-dev

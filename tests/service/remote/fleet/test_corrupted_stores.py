@@ -23,6 +23,7 @@ from service.evaluation.store.jobs import JobStore
 from service.evaluation.summary import known
 from service.remote.fleet.policy import Policy
 from service.remote.fleet.statistics import Statistics
+from service.world.scenario import Scenario
 from tests.service.remote.fleet.light import LightWorker, light_fleet
 
 POLICY = Policy(chunk_s=0.5, first_rows=20, max_rows=40, hold_s=0.3, audit_share=0.0)
@@ -58,11 +59,10 @@ def told(folder: Path, name: str) -> tuple:
         return question, found.p, found.ci, found.rollouts, found.f.tobytes(), batches
 
 
-@pytest.fixture(scope="module")
-def disk(tmp_path_factory, make_scenario) -> Disk:
-    folder = tmp_path_factory.mktemp("disk")
+def disk_of(folder: Path, scenario: Scenario) -> Disk:
+    """A service's database with a job of 400 rollouts by the formula, in a new folder."""
     file = folder / "fleet.sqlite"
-    job = make_job(make_scenario(), "idm", 2.0, "naive", 1, {"budget": 400, "batch_size": 100})
+    job = make_job(scenario, "idm", 2.0, "naive", 1, {"budget": 400, "batch_size": 100})
     with light_fleet(folder, POLICY) as fleet:
         name = fleet.fleet.submit(job).id
     before = file.read_bytes()
@@ -73,6 +73,11 @@ def disk(tmp_path_factory, make_scenario) -> Disk:
         fleet.hub.statistics.keep(name)
     assert not (folder / "fleet.sqlite-wal").exists()
     return Disk(folder, name, file.read_bytes(), before, told(folder, name))
+
+
+@pytest.fixture(scope="module")
+def disk(tmp_path_factory, make_scenario) -> Disk:
+    return disk_of(tmp_path_factory.mktemp("disk"), make_scenario())
 
 
 def harmed(disk: Disk, play: int) -> tuple[str, bytes]:
