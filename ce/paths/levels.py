@@ -8,11 +8,13 @@ from ce.paths.tree import Fallen
 Array = NDArray[np.float64]
 
 # Paths, and different roots among them, that have to have come to a level for it to be aimed at.
-ENOUGH_HITS, ENOUGH_ROOTS = 25, 8
+ENOUGH_HITS, ENOUGH_ROOTS = 15, 6
 # Numbers of hits at which a round's states are labelled.
 LABELLED = (12, 25, 75, 225)
 # Levels of the importance: as many times as probable as the aimed one.
 RATIOS = (1.0, 3.0, 10.0, 40.0)
+# How far below the aim the importance looks, in distances to the level above it.
+BELOW = 1.5
 # The most probable level that the importance looks at.
 MOST_PROBABLE = 0.05
 
@@ -59,6 +61,6 @@ def ladder(fallen: Fallen, starts: int, aim: float, gamma: float) -> Array:
             levels.add(float(at[k]))
     ordered = sorted(levels)
     if aim > gamma and len(ordered) > 1:
-        below = aim - (ordered[1] - aim)
+        below = aim - BELOW * (ordered[1] - aim)
         ordered = [max(below, gamma), *ordered]
     return np.array(ordered[::-1])

@@ -1,6 +1,7 @@
 """The method for paths behind an ask-and-tell interface: a pilot that trains a committor, then independent batches.
 
     round 0     naive paths; their lowest values give the first levels, their states the first lessons
+                -> naive paths to the end where at least COMMON of them are events
     round r     paths kept, split and ended by what was learned, aimed at the lowest level with enough hits
                 -> the estimate once gamma has been reached twice, or the training's share of the budget is spent
     estimate    batches of one size with everything fixed; no path of the pilot enters
@@ -45,8 +46,8 @@ from ce.streams import checked_seed
 
 Array = NDArray[np.float64]
 
-# Epochs and rates of the first training and of the later ones.
-FIRST_TRAINING, LATER_TRAINING = (10, 4e-3), (5, 3e-3)
+# Steps and rates of the first training, of the later ones and of the last.
+FIRST_TRAINING, LATER_TRAINING, LAST_TRAINING = (1000, 4e-3), (1000, 3e-3), (3000, 3e-3)
 # Starts by which E0 L_b is known, and the stream of the pilot that has them.
 REFERENCE_STARTS, REFERENCE_STREAM = 20_000, 1_000_000
 # Paths of a batch of the estimate in the middle of the horizon; more budget makes more batches.
@@ -55,6 +56,8 @@ POPULATION = 400.0
 PLANNED = 0.97
 # Naive paths are fewer by this where a committor is given and not trained on.
 SHARE_OF_NAIVE = 4
+# Share of events among the naive paths from which nothing else is driven.
+COMMON = 0.1
 # Enough hits, this many times, end the pilot.
 TWICE = 2
 
@@ -116,9 +119,11 @@ class PathSampling:
             return None
         levels = np.array([self.gamma])
         if state.plan is None:
-            count = self.options.naive if self._trains else max(self.options.naive // SHARE_OF_NAIVE, 25)
-            roots = all_starts(self.process, state.seed, "train", 0, count)
-            return PathBatch("train", 0, roots, count, levels, True, None, None)
+            pilot = state.phase == "pilot"
+            count = self._naive_paths() if pilot else state.starts
+            phase = "train" if pilot else "estimate"
+            roots = all_starts(self.process, state.seed, phase, state.iteration, count)
+            return PathBatch(phase, state.iteration, roots, count, levels, pilot, None, None)
         phase = "train" if state.phase == "pilot" else "estimate"
         committor = self.committor(state)
         assert committor is not None
@@ -180,11 +185,15 @@ class PathSampling:
         if batch.plan is None:
             state = msgspec.structs.replace(state, naive_f=driven.value, naive_steps=made.steps)
         state = msgspec.structs.replace(state, aim=aim, rounds=(*state.rounds, this))
+        if batch.plan is None and made.hits >= COMMON * batch.starts:
+            return self._naive(state)
         if self._trains:
             state = self._trained(state, batch, driven)
         if not math.isfinite(aim) and self._trains:
             return self._finished_without(state)
         levels = ladder(all_falls.fallen, all_falls.starts, aim, self.gamma)
+        if self._over(state):  # the estimate aims at gamma, whether the pilot has come there or not
+            levels = np.append(levels[levels > self.gamma], self.gamma)
         if not self._trains:
             levels = self._levels_by(state)
         return self._planned(state, levels, self._over(state), batch, driven)
@@ -194,12 +203,13 @@ class PathSampling:
         if labelled.size == 0 or not driven.record:
             return state
         taught = (*state.lessons, lessons(driven.record, labelled, state.seed + state.iteration))
-        committor, (epochs, rate) = state.committor, LATER_TRAINING
+        committor = state.committor
+        steps, rate = LAST_TRAINING if self._over(state) else LATER_TRAINING
         if committor is None:
-            (epochs, rate) = FIRST_TRAINING
+            steps, rate = max(steps, FIRST_TRAINING[0]), FIRST_TRAINING[1]
             features = np.concatenate([r.features for r in driven.record])
             committor = untrained(features, self.gamma, float(labelled[0]), state.seed)
-        committor = trained(committor, taught, epochs, rate, state.seed + state.iteration)
+        committor = trained(committor, taught, steps, rate, state.seed + state.iteration)
         return msgspec.structs.replace(state, committor=committor, lessons=taught)
 
     def _over(self, state: PathState) -> bool:
@@ -209,11 +219,25 @@ class PathSampling:
             return len(rounds) > 1
         there = rounds[-1].reached <= self.gamma
         hits = sum(r.totals.hits for r in rounds)
-        stuck = len(rounds) > 4 and rounds[-1].reached >= rounds[-4].reached > self.gamma
+        stuck = len(rounds) > 5 and rounds[-1].reached >= rounds[-5].reached > self.gamma
         next_round = max((r.totals.steps for r in rounds[1:]), default=0)
         spent = state.training_steps + next_round > o.training_share * o.budget * self._path_steps(state)
         common = len(rounds) == 1 and hits >= TWICE * ENOUGH_HITS
         return (there and hits >= TWICE * ENOUGH_HITS) or stuck or spent or common or len(rounds) > o.rounds
+
+    def _naive_paths(self) -> int:
+        """Paths of the pilot's first round."""
+        return self.options.naive if self._trains else max(self.options.naive // SHARE_OF_NAIVE, 25)
+
+    def _naive(self, state: PathState) -> PathState:
+        """The state before an estimate of naive paths: the event is too common for anything else to be worth it."""
+        left = int(PLANNED * (self.options.budget - state.naive_f.size))
+        batches = self.options.batches
+        if left < batches:
+            return msgspec.structs.replace(state, phase="done")
+        return msgspec.structs.replace(
+            state, phase="estimate", iteration=0, batches=batches, starts=left // batches, falls=()
+        )
 
     def _path_steps(self, state: PathState) -> float:
         return state.naive_steps / max(state.naive_f.size, 1)

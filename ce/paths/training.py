@@ -31,7 +31,7 @@ LARGEST_FEATURE_BITS = int(np.log2(LARGEST_FEATURE))
 BATCH = 256
 DECAY = 1e-3
 # Rows without a hit that a round leaves to learn from, and levels that each row is labelled at.
-MOST_ROWS, LEVELS_A_ROW = 4000, 2
+MOST_ROWS, LEVELS_A_ROW = 6000, 2
 
 
 class Lessons(msgspec.Struct, frozen=True, eq=False):
@@ -119,11 +119,11 @@ def untrained(features: NDArray[np.float32], gamma: float, first: float, seed: i
 
 
 def trained(
-    committor: NetworkCommittor, taught: Sequence[Lessons], epochs: int, rate: float, seed: int
+    committor: NetworkCommittor, taught: Sequence[Lessons], steps: int, rate: float, seed: int
 ) -> NetworkCommittor:
-    """The committor after some epochs of Adam, its rate falling to nothing as a cosine, on all lessons so far.
+    """The committor after some steps of Adam, its rate falling to nothing as a cosine, on all lessons so far.
 
-    epochs: passes through the lessons
+    steps: of BATCH rows each, in passes through all lessons
     rate: of the first step
     seed: of the order of the rows
     """
@@ -139,7 +139,7 @@ def trained(
     nets = []
     for k, net in enumerate(committor.nets):
         number = int(keys.mixed(np.array([seed], dtype=np.uint64), k)[0])
-        nets.append(_fitted(net, x, row, levels, labels, weights, epochs, rate, number))
+        nets.append(_fitted(net, x, row, levels, labels, weights, steps, rate, number))
     return msgspec.structs.replace(committor, nets=tuple(nets))
 
 
@@ -150,31 +150,30 @@ def _fitted(
     levels: Array,
     labels: Array,
     weights: Array,
-    epochs: int,
+    steps: int,
     rate: float,
     seed: int,
 ) -> Net:
     source = np.random.Generator(np.random.Philox(key=np.array([seed, 0x6F726472], dtype=np.uint64)))
     batch = min(BATCH, max(row.size, 1))
-    total = epochs * (row.size // batch)
     numbers, arrays = _as_one(net.arrays())
     decay = np.concatenate([np.full(a.size, DECAY if a.ndim == 2 else 0.0) for a in arrays])
     mean, square = np.zeros_like(numbers), np.zeros_like(numbers)
     kept_mean = kept_square = 1.0
-    done = 0
-    for _ in range(epochs):
-        order = source.permutation(row.size)
-        for q in range(row.size // batch):
-            at = order[q * batch : (q + 1) * batch]
-            g = np.concatenate(
-                [a.ravel() for a in _gradient(arrays, x[row[at]], levels[at], labels[at], weights[at])]
-            )
-            done += 1
-            kept_mean, kept_square = kept_mean * 0.9, kept_square * 0.99
-            mean = 0.9 * mean + 0.1 * g
-            square = 0.99 * square + 0.01 * g * g
-            move = mean / (1.0 - kept_mean) / (np.sqrt(square / (1.0 - kept_square)) + 1e-7)
-            numbers -= rate * _falling(done / total) * (move + decay * numbers)
+    a_pass = row.size // batch
+    for done in range(steps):
+        if done % a_pass == 0:
+            order = source.permutation(row.size)
+        q = done % a_pass
+        at = order[q * batch : (q + 1) * batch]
+        g = np.concatenate(
+            [a.ravel() for a in _gradient(arrays, x[row[at]], levels[at], labels[at], weights[at])]
+        )
+        kept_mean, kept_square = kept_mean * 0.9, kept_square * 0.99
+        mean = 0.9 * mean + 0.1 * g
+        square = 0.99 * square + 0.01 * g * g
+        move = mean / (1.0 - kept_mean) / (np.sqrt(square / (1.0 - kept_square)) + 1e-7)
+        numbers -= rate * _falling((done + 1) / steps) * (move + decay * numbers)
     return Net(*(a.copy() for a in arrays))
 
 

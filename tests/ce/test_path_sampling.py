@@ -198,13 +198,13 @@ def test_levels_follow_what_was_reached_below_zero_too():
 
     value = -np.arange(1000, dtype=np.float64)
     root = np.arange(1000)
-    assert reached(falls(value, root)) == -975.0
+    assert reached(falls(value, root)) == -985.0
     assert reached(falls(value, np.zeros(1000, dtype=np.int64))) == np.inf
     assert reached(falls(np.full(10, np.nan), np.arange(10))) == np.inf
-    levels = ladder(falls(value, root), 1000, -975.0, -2000.0)
-    assert levels[-1] < -975.0
+    levels = ladder(falls(value, root), 1000, -985.0, -2000.0)
+    assert levels[-1] < -985.0
     assert list(levels) == sorted(levels, reverse=True)
-    assert ladder(falls(value, root), 1000, -975.0, -975.0)[-1] == -975.0
+    assert ladder(falls(value, root), 1000, -985.0, -985.0)[-1] == -975.0
 
 
 def test_a_level_counts_for_paths_that_were_ended_after_they_had_come_to_it():
@@ -222,3 +222,16 @@ def test_what_is_decided_at_the_start_costs_no_splitting():
     est = ce.estimate_paths(problem.process, 0.0, seed=3, options=SMALL)
     assert est.ci[0] < problem.p < est.ci[1]
     assert est.efficiency > 2.0
+
+
+def test_a_common_event_is_counted():
+    common = gaussian("random walk", WALK, 0.8)
+    method = ce.PathSampling(common.process, 0.0, replace(SMALL, budget=2000))
+    state = run(method)
+    est = method.estimate(state)
+    assert common.p > 0.2
+    assert state.committor is None
+    assert 1800 < est.cost.begun <= 2000
+    assert np.allclose(est.log_weights, -np.log(est.starts))
+    assert abs(est.p - common.p) < 4.0 * np.sqrt(common.p * (1.0 - common.p) / 1700)
+    assert est.ci[0] < common.p < est.ci[1]
