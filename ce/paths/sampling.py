@@ -57,7 +57,7 @@ PLANNED = 0.97
 # Naive paths are fewer by this where a committor is given and not trained on.
 SHARE_OF_NAIVE = 4
 # Share of events among the naive paths from which nothing else is driven.
-COMMON = 0.1
+COMMON = 0.2
 # Enough hits, this many times, end the pilot.
 TWICE = 2
 

@@ -204,7 +204,7 @@ def test_levels_follow_what_was_reached_below_zero_too():
     levels = ladder(falls(value, root), 1000, -985.0, -2000.0)
     assert levels[-1] < -985.0
     assert list(levels) == sorted(levels, reverse=True)
-    assert ladder(falls(value, root), 1000, -985.0, -985.0)[-1] == -975.0
+    assert ladder(falls(value, root), 1000, -985.0, -985.0)[-1] == -985.0
 
 
 def test_a_level_counts_for_paths_that_were_ended_after_they_had_come_to_it():
@@ -229,7 +229,7 @@ def test_a_common_event_is_counted():
     method = ce.PathSampling(common.process, 0.0, replace(SMALL, budget=2000))
     state = run(method)
     est = method.estimate(state)
-    assert common.p > 0.2
+    assert common.p > 0.3
     assert state.committor is None
     assert 1800 < est.cost.begun <= 2000
     assert np.allclose(est.log_weights, -np.log(est.starts))
