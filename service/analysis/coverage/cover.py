@@ -15,7 +15,7 @@ from service.analysis.failures.tell import mode_share
 from service.evaluation.record import JobRecord
 from service.world.scenario.base import base_distribution, before_weights
 from service.world.scenario.measures import measure_kind
-from service.world.scenario.noise_mode import with_noise_mode
+from service.world.scenario.noise_mode import without_searched_noise
 
 DRAWS = 10_000  # of P0
 AT_ONCE = 2_000
@@ -65,7 +65,7 @@ def coverage_of(run: str, record: JobRecord, domain: Domain | None = None) -> Co
 
 def _of_base(record: JobRecord) -> np.ndarray:
     """Draws of P0, the coordinates before the drivers' weights, (DRAWS, k)."""
-    scenario = with_noise_mode(record.job.scenario, "drawn")  # noise that is searched comes after them
+    scenario = without_searched_noise(record.job.scenario)  # noise that is searched comes after them
     base, columns = base_distribution(scenario, record.problem.drivers), before_weights(scenario)
     stream = Stream(
         base, STREAM, "estimate", 0

@@ -258,21 +258,24 @@ def test_an_unfinished_job_counts_as_far_as_its_record_goes(scenario, tmp_path, 
     with RunDirectory.create(tmp_path / "half", (job,)) as store:
         fill(store, job, chunks=chunks)
         (facts,) = facts_of(store.path.name, [replay(store, job)], Findings(), NOW)["jobs"]
+    estimating = (
+        250 if chunks == 7 else 0
+    )  # the first rows of the estimation batch count before it is complete
     assert not facts["finished"]
-    assert facts["p"] is None
+    assert (facts["p"] is not None) == bool(estimating)
     assert len(facts["training"]) == chunks // 2
-    assert facts["progress"]["counted"] == chunks // 2 * 400
+    assert facts["progress"]["counted"] == chunks // 2 * 400 + estimating
     assert facts["progress"]["recorded"] == sum([250, 150, 250, 150, 250, 150, 250][:chunks])
 
 
 def test_an_unfinished_run_has_a_page(scenario, tmp_path):
     jobs = jobs_of(scenario)
     with RunDirectory.create(tmp_path / "half", jobs) as store:
-        fill(store, jobs[1], chunks=7)
+        fill(store, jobs[1], chunks=5)
         page = Page(write_report(store, drawn=0, now=NOW).read_text(encoding="utf-8"))
     assert "p is not known yet" in page.words
     assert "Unfinished: naive Monte Carlo" in page.words
-    assert "Unfinished: cross-entropy method. 1,200 of at most 2,200 rollouts" in page.words
+    assert "Unfinished: cross-entropy method. 800 of at most 2,200 rollouts" in page.words
     assert "250 more are on record" in page.words
     assert "--resume half" in page.words
 
