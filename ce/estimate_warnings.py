@@ -89,11 +89,16 @@ def _of_weights(est: "Estimate") -> list[EstimateWarning]:
             )
         )
     limit = largest_pareto_k(est.ess)
+    allowed = (
+        f"at most {limit:.2f} for {est.ess:.0f} effective events"
+        if limit > 0.0
+        else (f"{est.ess:.1f} effective events are too few for any tail")
+    )
     if est.pareto_k > limit:
         found.append(
             EstimateWarning(
                 "heavy-tailed-weights",
-                f"Pareto k of the events' weights is {est.pareto_k:.2f} (above {limit:.2f}): "
+                f"Pareto k of the events' weights is {est.pareto_k:.2f} ({allowed}): "
                 "events of large weight are probably missing from the sample, so p tends to be too low and std_error "
                 "too small",
                 "limit the proposal (max_kl, mean_box), give the search more samples, or use naive Monte Carlo",

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from service.analysis.wording import level, one_in, quantity, significant, treatment
+from service.analysis.wording import level, one_in, quantity, significant, told, treatment
 
 if TYPE_CHECKING:
     from service.analysis.comparison.objects import Comparison
@@ -67,14 +67,15 @@ def _p(estimate: "Estimated") -> str:
     if estimate.p is None:
         return "not known"
     if not estimate.variance_reliable:
-        return f"{significant(estimate.p)} (see the warnings: rely on the interval)"
-    return f"{significant(estimate.p)} ± {significant(estimate.std_error, 2)}, {one_in(estimate.p)}"
+        return f"{told(estimate.p, estimate.ci).value} (see the warnings: rely on the interval)"
+    return (
+        f"{told(estimate.p, estimate.ci).value} ± {significant(estimate.std_error, 2)}, {one_in(estimate.p)}"
+    )
 
 
 def interval(estimate: "Estimated") -> str:
     """The interval of p."""
-    low, high = estimate.ci
-    return f"{significant(low)} to {significant(high)}"
+    return told(estimate.p, estimate.ci).span
 
 
 def comparison_html(found: "Comparison") -> str:
@@ -83,14 +84,14 @@ def comparison_html(found: "Comparison") -> str:
     rows = [
         ("scenario, ego", [escape(f"{s.scenario}, {s.ego}") for s in sides]),
         ("method, rollouts", [escape(f"{s.method}, {s.rollouts:,}") for s in sides]),
-        ("p", [significant(s.p) for s in sides]),
-        (f"{level(found.confidence)} interval", [" to ".join(map(significant, s.ci)) for s in sides]),
+        ("p", [told(s.p, s.ci).value for s in sides]),
+        (f"{level(found.confidence)} interval", [told(s.p, s.ci).span for s in sides]),
     ]
     event = escape(quantity(found.gamma, found.unit))
-    told = "".join(f"<p>{escape(pair.summary)}</p>" for pair in found.pairs)
+    summaries = "".join(f"<p>{escape(pair.summary)}</p>" for pair in found.pairs)
     notes = "".join(f"<li>{escape(note)}</li>" for note in found.notes)
     return (
-        f"<div><p>p of f ≤ {event}</p>{table([s.name for s in sides], rows)}{told}"
+        f"<div><p>p of f ≤ {event}</p>{table([s.name for s in sides], rows)}{summaries}"
         + (f"<ul>{notes}</ul>" if notes else "")
         + "</div>"
     )

@@ -1,12 +1,15 @@
 """Numbers as people say them: sensible digits, units, one in so many."""
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 from service.world.scenario.measures import unit_at
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 NOT_KNOWN = "not known"
-DIGITS = 2  # of an estimate and of its interval's ends, wherever they are told together
+DIGITS = 2  # of the uncertainty: half an interval, to which an estimate and its interval's ends are rounded
+MOST_DIGITS = 6
 LEAST_PERCENT = 0.01
 
 
@@ -23,6 +26,41 @@ def significant(value: float | None, digits: int = 3) -> str:
     if power < -3 or power > 8:
         return f"{mantissa} × 10{str(power).translate(_SUPERSCRIPTS)}"
     return f"{float(f'{mantissa}e{power}'):,.{max(digits - 1 - power, 0)}f}"
+
+
+class Told(NamedTuple):
+    """An estimate and the ends of its interval, in words."""
+
+    value: str
+    low: str
+    high: str
+
+    @property
+    def span(self) -> str:
+        return f"{self.low} to {self.high}"
+
+
+def told(value: float | None, interval: Sequence[float | None]) -> Told:
+    """An estimate with its interval, all to the same place: that of the second digit of half the interval's width, as
+    the Guide to the expression of uncertainty in measurement has it; each with two digits at least.
+
+    >>> told(0.00751, (0.0046, 0.0114)).span, told(15.8, (15.6, 16.1)), told(1.0, (0.99955, 1.0)).low
+    ('0.0046 to 0.0114', Told(value='15.80', low='15.60', high='16.10'), '0.99955')
+    """
+    low, high = interval
+    ends = [v for v in (low, high) if v is not None and math.isfinite(v)]
+    half = 0.5 * (ends[1] - ends[0]) if len(ends) == 2 else 0.0
+    place = math.floor(math.log10(half)) - DIGITS + 1 if half > 0.0 else None
+
+    def words(one: float | None, open_end: bool = False) -> str:
+        if one is None:
+            return "∞" if open_end else NOT_KNOWN
+        if place is None or not one or not math.isfinite(one):
+            return significant(one, DIGITS)
+        digits = math.floor(math.log10(abs(one))) - place + 1
+        return significant(one, min(max(digits, DIGITS), MOST_DIGITS))
+
+    return Told(words(value), words(low), words(high, open_end=True))
 
 
 def quantity(value: float, unit: str) -> str:

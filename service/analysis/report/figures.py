@@ -9,7 +9,7 @@ import ce
 from service.analysis.report import ink
 from service.analysis.report.ink import Picture
 from service.analysis.report.words import METHOD_NAMES
-from service.analysis.wording import count, percent, quantity, significant
+from service.analysis.wording import count, percent, quantity, significant, told
 from service.evaluation.record import JobRecord
 from service.world.scenario.measures import measure_kind
 
@@ -89,8 +89,8 @@ def estimate_against_rollouts(jobs: Sequence[Facts]) -> Picture:
                 axes.vlines(n, np.maximum(low, floor), high, color=style["color"], linewidth=2.0)
             axes.plot(n[-1:], p[-1:], ink.MARKERS.get(method, "D"), color=style["color"], markersize=5)
             sentences.append(
-                f"{_name(method)} ends at {significant(job['p'])} "
-                f"({significant(job['ci'][0])} to {significant(job['ci'][1])}) "
+                f"{_name(method)} ends at {told(job['p'], job['ci']).value} "
+                f"({told(job['p'], job['ci']).span}) "
                 f"after {count(job['rollouts']['total'])} rollouts"
             )
         axes.set_xlim(left=0)

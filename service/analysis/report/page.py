@@ -77,6 +77,7 @@ def render(template: str, **values: Any) -> str:
         "factor": wording.factor,
         "duration": wording.duration,
         "colour": ink.colour,
+        "told": wording.told,
         "exact": _exact,
     }
     values = {"player": "", "player_hash": ""} | values

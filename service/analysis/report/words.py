@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from service.analysis.risk import event_of
-from service.analysis.wording import count, level, one_in, quantity, significant
+from service.analysis.wording import count, level, one_in, quantity, told
 from service.evaluation.job import Job
 from service.evaluation.options import COMMON, FLAGS_OF_CE
 from service.world.scenario import built_in_names, load_scenario
@@ -50,14 +50,14 @@ def question(job: Job) -> str:
 def answer(summary: dict[str, Any]) -> tuple[str, str]:
     """The estimate in words, and its interval in words."""
     low, high = summary["ci"]
-    sure = level(summary["confidence"])
+    sure, found = level(summary["confidence"]), told(summary["p"], summary["ci"])
     n = summary["rollouts"]["estimation"]
     if not n:
         return ("p is not known yet.", "No rollout of the estimation has been answered.")
     if not summary["events"]:
         return (
             f"No such event in {count(n)} rollouts.",
-            f"{sure} interval: at most {significant(high)}, or {one_in(high)} rollouts.",
+            f"{sure} interval: at most {found.high}, or {one_in(high)} rollouts.",
         )
     if low > 0:
         span = f"{one_in(low)} to {one_in(high)} rollouts"
@@ -65,7 +65,7 @@ def answer(summary: dict[str, Any]) -> tuple[str, str]:
         span = f"at most {one_in(high)} rollouts"
     return (
         f"In about {one_in(summary['p'])} rollouts.",
-        f"{sure} interval: {significant(low)} to {significant(high)}, or {span}.",
+        f"{sure} interval: {found.span}, or {span}.",
     )
 
 

@@ -17,7 +17,18 @@ from starlette.types import ASGIApp
 from service.front.dashboard.files import Files
 from service.front.dashboard.forms import local_path, sent
 from service.front.dashboard.guard import Guard
-from service.front.dashboard.pages import compare, failures, fleet, job, jobs, learned, risk, rollout, submit
+from service.front.dashboard.pages import (
+    compare,
+    failures,
+    fleet,
+    job,
+    jobs,
+    learned,
+    risk,
+    rollout,
+    rollouts,
+    submit,
+)
 from service.front.dashboard.site import Part, Site
 from service.front.dashboard.trouble import Trouble, trouble_of
 from service.remote.client import Client, NoAnswer, Refused
@@ -80,6 +91,9 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
 
     async def failures_page(request: Request) -> Response:
         return await site.page(request, "failures.html", failures.PARTS, await known_job(request))
+
+    async def rollouts_page(request: Request) -> Response:
+        return await site.page(request, "rollouts.html", rollouts.PARTS, await known_job(request))
 
     async def risk_page(request: Request) -> Response:
         values = await known_job(request) | risk.form_values(request)
@@ -148,6 +162,8 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
         parts("/jobs/{job}", *job_parts),
         Route("/jobs/{job}/failures", failures_page),
         parts("/jobs/{job}/failures", *failures.PARTS),
+        Route("/jobs/{job}/rollouts", rollouts_page),
+        parts("/jobs/{job}/rollouts", *rollouts.PARTS),
         Route("/jobs/{job}/risk", risk_page),
         parts("/jobs/{job}/risk", *risk.PARTS),
         Route("/fleet", fleet_page),

@@ -15,6 +15,7 @@ from service.analysis.failures.play import playback_of
 from service.analysis.failures.rerun import Rerun
 from service.analysis.failures.scenario_file import scenario_text
 from service.analysis.video import EgoView, jpeg_pictures
+from service.evaluation.drawn_again import drawn_again
 from service.evaluation.record import JobRecord
 from service.remote.api.background import Background
 from service.remote.api.files import File
@@ -66,7 +67,7 @@ class DangerousAnswers:
         def compute() -> File:
             record = self._records.record(state)
             phase, iteration, _ = self._recorded(state, record, asked, number)
-            x, noise_seed = record.redraw(phase, iteration, number)
+            x, noise_seed = self._drawn(state, record, phase, iteration, number)
             title = _title(job, phase, iteration, number)
             return File(
                 FORMATS[asked.format][0], export_bytes(record.job, x, noise_seed, title, asked.format)
@@ -96,10 +97,15 @@ class DangerousAnswers:
             )
         return phase, iteration, float(recorded[0].f[row - recorded[0].start])
 
+    def _drawn(
+        self, state: State, record: JobRecord, phase: str, iteration: int, row: int
+    ) -> tuple[np.ndarray, Noise]:
+        return drawn_again(self._records.fleet.reader(state[0]), record, phase, iteration, row)
+
     def _rollout(self, state: State, asked: AskRollout, row: int) -> RolloutView:
         job, record = state[0], self._records.record(state)
         phase, iteration, f = self._recorded(state, record, asked, row)
-        x, noise_seed = record.redraw(phase, iteration, row)
+        x, noise_seed = self._drawn(state, record, phase, iteration, row)
         looked_at = asked.trace or asked.playback or asked.camera
         with self._reruns.of(record.job) as runner:
             (again,) = runner.run([(x, noise_seed)], [0] if looked_at else ())

@@ -296,6 +296,20 @@ class Rollouts(_Body, frozen=True):
     next: str | None
 
 
+class Listing(_Body, frozen=True):
+    """Some of the rollouts on record, as columns of the same length. total: on record; found: of them as were asked
+    for; f: null where a rollout failed, and where it is infinite, as nothing was ever on its way to the ego."""
+
+    job: str
+    total: int
+    found: int
+    phase: tuple[str, ...]
+    iteration: tuple[int, ...]
+    row: tuple[int, ...]
+    f: tuple[float | None, ...]
+    outcome: tuple[str, ...]
+
+
 class CameraPicture(_Body, frozen=True):
     """What the ego's camera saw.
 

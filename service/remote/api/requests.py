@@ -78,6 +78,24 @@ class RolloutsPage(_Request, frozen=True):
     limit: Annotated[int, Meta(ge=1, le=MAX_ROLLOUTS)] = 1000
 
 
+class AskListing(_Request, frozen=True):
+    """Parameters of `jobs/ID/listing`.
+
+    phase, outcome: of rollouts of one phase, of those that ended so
+    low, high: of f, both included; rollouts that failed have none
+    by: in the order of the record, by f, or by f with the highest first
+    offset: of the first one, from 0
+    """
+
+    phase: Literal["estimate", "train"] | None = None
+    outcome: Literal["collision", "off-road", "reversing", "finished", "horizon", "error"] | None = None
+    low: float | None = None
+    high: float | None = None
+    by: Literal["record", "f", "-f"] = "record"
+    offset: Number = 0
+    limit: PageSize = 100
+
+
 class AskFailures(_Request, frozen=True):
     """Parameters of `jobs/ID/failures`.
 

@@ -4,11 +4,12 @@ from contextlib import closing
 
 import numpy as np
 
+from service.evaluation.listing import Wanted
 from service.evaluation.pool import OUTCOME_NAMES
 from service.evaluation.store.chunk import Chunk
-from service.remote.api.objects import Rollouts
+from service.remote.api.objects import Listing, Rollouts
 from service.remote.api.problems import ApiError, Wrong, short
-from service.remote.api.requests import RolloutsPage
+from service.remote.api.requests import AskListing, RolloutsPage
 from service.remote.api.results import finite
 from service.remote.fleet.service import Fleet
 
@@ -21,7 +22,7 @@ COLUMNS = ("phase", "iteration", "row", "f", "outcome", "steps", "error", "worke
 
 
 class RolloutAnswers:
-    """What is answered on jobs/ID/rollouts."""
+    """What is answered on jobs/ID/rollouts and jobs/ID/listing."""
 
     def __init__(self, fleet: Fleet):
         self._fleet = fleet
@@ -44,6 +45,21 @@ class RolloutAnswers:
                     following = ",".join(map(str, (*key, stop)))
                     break
         return Rollouts(**{name: tuple(column) for name, column in columns.items()}, next=following)  # type: ignore[arg-type]
+
+    def listing(self, asked: AskListing, job: str) -> Listing:
+        """The rollouts that were asked for, some of them."""
+        wanted = Wanted(asked.phase, asked.outcome, asked.low, asked.high)
+        found = self._fleet.listing(job, wanted, asked.by, asked.offset, asked.limit)
+        return Listing(
+            job=job,
+            total=found.total,
+            found=found.found,
+            phase=found.phases,
+            iteration=tuple(found.iterations.tolist()),
+            row=tuple(found.rows.tolist()),
+            f=tuple(finite(found.f.tolist())),
+            outcome=found.outcomes,
+        )
 
 
 def _stop(chunk: Chunk, first: int, rollouts: int, characters: int) -> tuple[int, int]:

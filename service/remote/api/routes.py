@@ -82,6 +82,8 @@ ROUTES = (
     Route("jobs/{job}/coverage", "Which cells of the operational design domain P0, the rollouts and p lie in.",
           "coverage", R.Nothing, Coverage),
     Route("jobs/{job}/rollouts", "The rollouts on record, in pages.", "rollouts", R.RolloutsPage, O.Rollouts),
+    Route("jobs/{job}/listing", "Rollouts on record by phase, ending and f, in order.", "listing", R.AskListing,
+          O.Listing),
     Route("jobs/{job}/rollouts/{row}", "One rollout, run once more.", "rollout", R.AskRollout, O.RolloutView),
     Route("jobs/{job}/rollouts/{row}/export", "One rollout as a file for other programs.", "export", R.AskExport, None,
           media=tuple(media for media, _ in FORMATS.values())),

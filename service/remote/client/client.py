@@ -115,6 +115,10 @@ class Client(Closing):
         """A page of the rollouts on record."""
         return self._of(job, "rollouts", O.Rollouts, after=after or None, limit=limit)
 
+    def listing(self, job: str, limit: int = 100, **asked: Any) -> O.Listing:
+        """Some of the rollouts on record; asked: phase, outcome, low, high, by, offset."""
+        return self._of(job, "listing", O.Listing, limit=limit, **asked)
+
     def all_rollouts(self, job: str) -> Iterator[O.Rollouts]:
         """Every rollout on record, in pages."""
         after: str | None = ""

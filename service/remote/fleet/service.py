@@ -16,6 +16,7 @@ from service.evaluation.doubts import DISPUTED, failed_job, not_repeatable, with
 from service.evaluation.endings import endings_of
 from service.evaluation.failed_share import MAX_FAILED
 from service.evaluation.job import Job
+from service.evaluation.listing import Listing, Wanted, listing_of
 from service.evaluation.record import JobRecord, replay
 from service.evaluation.so_far import ESTIMATE, begun, state_after
 from service.evaluation.store.jobs import Event, JobRow, Mark
@@ -256,6 +257,11 @@ class Fleet:
         """What each batch came to (ce.TrainingRecord, ce.EstimationRecord), with its number."""
         self._row(job)
         return self._store.iterations(job, after, limit)
+
+    def listing(self, job: str, wanted: Wanted, by: str, offset: int, limit: int) -> Listing:
+        """Some of the rollouts on record (`service.evaluation.listing`)."""
+        self._row(job)
+        return listing_of(self._chunks.of(job).chunks, wanted, by, offset, limit)
 
     def record(self, job: str, gamma: float | None = None, outcome: str | None = None) -> JobRecord:
         """The job's whole record, replayed: failures, dangerous rollouts, the seeds that bring a rollout back. It reads

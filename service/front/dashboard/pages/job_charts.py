@@ -9,6 +9,7 @@ from service.analysis.wording import DIGITS, count, level, quantity, significant
 from service.front.dashboard.charts import Chart, Mark, Series
 from service.remote.api.objects import Course, Curve, Estimate, EstimateStep, Job, SearchStep
 
+FIRST_SHOWN = 50.0  # the first fiftieth of the rollouts says little, and its wide band would flatten the rest
 FEW = 20.0  # times between smallest and largest p, above which the axis is logarithmic
 
 
@@ -18,6 +19,7 @@ def estimate_against_rollouts(job: Job, course: Course, batches: Sequence[Estima
     points = list(zip(course.rollouts, course.p, course.low, course.high, strict=True))
     if len(points) < 2:
         points = [(b.rollouts, b.p, b.low, b.high) for b in _changed(batches)] or points
+    points = [one for one in points if one[0] * FIRST_SHOWN >= points[-1][0]]
     known = [(course.training + n, p, low, high) for n, p, low, high in points if p is not None]
     p = [one[1] for one in known]
     ends = [e for one in known for e in one[2:] if e]

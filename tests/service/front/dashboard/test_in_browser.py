@@ -172,6 +172,17 @@ def test_a_failure_is_opened_and_replayed(page, ended: tuple[str, str]):
     )
 
 
+def test_any_rollout_is_found_by_its_ending_and_replayed(page, ended: tuple[str, str]):
+    page.goto(f"/jobs/{ended[0]}")
+    page.locator("#endings a", has_text="off-road").click()
+    page.get_by_label("Order").select_option("-f")
+    page.get_by_text("that fit, of 600").wait_for()
+    first = page.locator(".jobs tbody tr").first
+    first.get_by_role("link", name="Replay").click()
+    page.locator("#stage").wait_for()
+    page.get_by_text("not dangerous").wait_for()
+
+
 def test_two_jobs_are_compared(page, ended: tuple[str, str]):
     page.goto(f"/compare?jobs={ended[0]}")
     page.get_by_label("idm drives").check()

@@ -18,7 +18,17 @@ from service.analysis.estimate_parts import EstimateWarning, Rollouts
 from service.analysis.failures.playback import Playback, RoadLine, Track
 from service.analysis.learned.objects import Behaviour, Learned, Parameter, Rate, Spread
 from service.front.dashboard.live import Live, Rates
-from service.front.dashboard.pages import compare, failures, fleet, job, jobs, learned, risk, rollout
+from service.front.dashboard.pages import (
+    compare,
+    failures,
+    fleet,
+    job,
+    jobs,
+    learned,
+    risk,
+    rollout,
+    rollouts,
+)
 from service.front.dashboard.site import Part, Site
 from service.remote.api import objects as O
 from service.remote.client import NoAnswer, Refused
@@ -110,6 +120,16 @@ CURVE = O.Curve(
         O.CurvePoint(gamma=g, p=p, std_error=None, ci=(0.0, 0.1), events=1, ess=None)
         for g, p in ((0.1, None), (0.2, 1e-5), (0.5, 1e-3))
     ),
+)
+LISTING = O.Listing(
+    job="j1",
+    total=90,
+    found=60,
+    phase=("estimate", EVIL),
+    iteration=(0, 1),
+    row=(7, 8),
+    f=(0.2, None),
+    outcome=("collision", EVIL),
 )
 COURSE = O.Course(
     job="j1",
@@ -345,6 +365,7 @@ ANSWERS: dict[str, Any] = {
     "iterations": [SEARCH, STEP],
     "curve": CURVE,
     "course": COURSE,
+    "listing": LISTING,
     "scenarios": O.Scenarios(items=(), roads=(), weights=()),
     "workers": [WORKER, msgspec.structs.replace(WORKER, id="w2", quarantine=EVIL)],
     "tally": O.Tally(lost=1, copied=2, audited=3, wrong=1),
@@ -394,6 +415,7 @@ PARTS = {
     **{part.name: (part, "") for part in job.PARTS},
     "learned": (learned.LEARNED, ""),
     "failures": (failures.PARTS[1], ""),
+    "rollouts": (rollouts.PARTS[1], "outcome=collision&low=x&page=2"),
     "risk": (risk.PARTS[1], ""),
     "rollout": (rollout.PARTS[0], ""),
     "choice": (compare.PARTS[0], "jobs=j1"),

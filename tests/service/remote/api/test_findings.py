@@ -29,6 +29,7 @@ from service.remote.api.schemas import schema_of
 from service.remote.client import Client, Refused
 from service.world.scenario.load import parse_scenario
 from tests.service.remote.api.conftest import ANSWER_S
+from tests.service.remote.fleet.light import formula
 
 pytestmark = pytest.mark.timeout(900)  # exports start a process each: long on a busy machine
 
@@ -150,9 +151,13 @@ def test_a_rollout_that_chains_met_is_one_of_the_estimate(service, client: Clien
     )
     found = client.rollout(job, row, iteration=iteration)
     assert (found.phase, found.noise_seed, found.f, found.dangerous) == (phase, str(noise_seed), f, True)
-    lost = next(i for i in range(1000) if (phase, iteration, i) not in record.explicit)
-    with pytest.raises(Refused, match="neither dangerous nor failed"):
-        client.rollout(job, lost, iteration=iteration)
+    listed = client.listing(job, phase="train", low=0.6, by="-f")
+    last = max(range(len(listed.row)), key=lambda i: listed.iteration[i])  # of the chains, after many draws
+    assert (listed.phase[last], listed.iteration[last], listed.row[last]) not in record.explicit
+    found = client.rollout(job, listed.row[last], iteration=listed.iteration[last])
+    assert not found.dangerous
+    f, _ = formula(np.array([int(found.noise_seed)], np.uint64))
+    assert f[0] == found.f == listed.f[last]  # it is the draw that was answered
 
 
 def test_exports_open_in_their_readers(client: Client, jobs: list[str], tmp_path: Path) -> None:
