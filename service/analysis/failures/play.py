@@ -63,7 +63,22 @@ def playback_of(
         road=lines,
         ray_rad=angles,
         ray_m=reach,
+        contact=contact_words(trace),
     )
+
+
+def contact_words(trace: Trace) -> str:
+    """The ego's contact in a phrase, with its impact; "" where there was none."""
+    contact = trace.rollout.contact
+    if contact is None:
+        return ""
+    known = contact.other < len(trace.names)
+    other = trace.names[contact.other] if known else "background traffic"
+    sides = " and ".join(
+        f"{whose} {side if side in ('front', 'rear') else f'{side} side'}"
+        for whose, side in (("the ego's", contact.ego_side), ("its", contact.other_side))
+    )
+    return f"contact with {other}, impact {contact.speed_mps:.1f} m/s, {sides}"
 
 
 def _rounded(values: np.ndarray, digits: int) -> tuple[float | None, ...]:

@@ -36,6 +36,7 @@ class Playback(msgspec.Struct, frozen=True, kw_only=True):
     """A rollout to be shown, a value a state.
 
     worst: the state of the smallest value of the safety measure
+    contact: with whom the ego touched in the last state, how fast and with which sides; "" where it did not
     rays: angle of each ray to the ego's heading, and how far it reaches in each state
     """
 
@@ -54,3 +55,4 @@ class Playback(msgspec.Struct, frozen=True, kw_only=True):
     road: tuple[RoadLine, ...]
     ray_rad: tuple[float, ...]
     ray_m: tuple[tuple[float | None, ...], ...]
+    contact: str = ""

@@ -21,7 +21,7 @@ SPARE_COLOURS = ("#CC79A7", "#56B4E9", "#E69F00")
 STYLES = {"naive": "--", "ce": "-", "mixture": "-."}
 MARKERS = {"naive": "o", "ce": "s", "mixture": "^"}
 BASE = "#6b6b6b"  # the base distribution, and reference lines
-EGO, THREAT, OTHER = "#1f77d0", "#d6609f", "#b9b9b9"
+EGO, THREAT, OTHER = "#2b86e0", "#d6609f", "#b9b9b9"
 WIDTH_IN = 5.0
 BAND = 0.18  # opacity of an interval
 

@@ -50,6 +50,13 @@
       g.stroke();
     }
     g.setLineDash([]);
+    const about = d.tracks.find(t => t.role === "threat");
+    if (about && about.station_m[k] !== null && ego.station_m[k] !== null) {
+      g.strokeStyle = ink("--threat");
+      g.setLineDash([4, 3]);
+      g.beginPath(); g.moveTo(x(ego.station_m[k]), y(ego.offset_m[k])); g.lineTo(x(about.station_m[k]), y(about.offset_m[k])); g.stroke();
+      g.setLineDash([]);
+    }
     const order = d.tracks.slice().sort((a, b) => (a.role === "ego") - (b.role === "ego"));
     for (const t of order) {
       if (t.station_m[k] === null) continue;
@@ -145,7 +152,8 @@
       scrub.value = k;
       const value = d.measured[k], a = d.acceleration_mps2[k];
       const said = d.time_s[k].toFixed(1) + " s, " + d.measure + " " + (value === null ? "none" : value.toFixed(2) + " " + d.unit);
-      told.textContent = said + (a === null ? "" : ", ego " + (a > 0 ? "+" : "") + a.toFixed(1) + " m/s²");
+      const hit = k === last && d.contact ? ", " + d.contact : "";
+      told.textContent = said + hit + (a === null ? "" : ", ego " + (a > 0 ? "+" : "") + a.toFixed(1) + " m/s²");
       scrub.setAttribute("aria-valuetext", said);
     }
     function stop() { running = false; play.textContent = "Play"; }

@@ -7,6 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from service.analysis.failures.motion import motion_of
+from service.analysis.failures.play import contact_words
 from service.analysis.trace import Trace
 from service.analysis.video.charts import action_chart, measure_chart
 from service.analysis.video.ink import BACKGROUND, DANGER, QUIET, TEXT, write
@@ -60,8 +62,10 @@ def pictures(
     """The film's pictures (HEIGHT, WIDTH, 3), one for each state; without a view the road takes the camera's place."""
     beside = 0 if view is None else CAMERA_WIDTH
     rays = RAYS if view is None else view.scenario.safety.rays
+    motion = motion_of(trace, rays, corridor)
+    threat = None if motion is None else motion.other
     parts: list[tuple[int, int, Callable[[int], np.ndarray]]] = [
-        (HEAD, 0, TopDown(trace, corridor, WIDTH - beside, MIDDLE, rays).draw),
+        (HEAD, 0, TopDown(trace, corridor, WIDTH - beside, MIDDLE, rays, threat).draw),
         (HEAD + MIDDLE, 0, measure_chart(trace, WIDTH - CAMERA_WIDTH, FOOT).draw),
         (HEAD + MIDDLE, WIDTH - CAMERA_WIDTH, action_chart(trace, CAMERA_WIDTH, FOOT).draw),
     ]
@@ -90,7 +94,14 @@ def _head(image: np.ndarray, trace: Trace, k: int, title: str) -> None:
     so_far, danger = _so_far(trace, k)
     write(image, so_far, (WIDTH - 520, 26), 0.65, DANGER if danger else TEXT)
     if k + 1 == len(trace.time_s):
-        write(image, trace.rollout.outcome, (WIDTH - 180, 54), 0.8)
+        told = contact_words(trace)
+        write(
+            image,
+            told or trace.rollout.outcome,
+            (WIDTH - 640 if told else WIDTH - 180, 54),
+            0.6,
+            DANGER if told else TEXT,
+        )
 
 
 def _so_far(trace: Trace, k: int) -> tuple[str, bool]:

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from service.analysis.trace import Trace
-from service.analysis.video.ink import DANGER, EGO, OTHER, TAKEN_OVER, TEXT, Colour, write
+from service.analysis.video.ink import DANGER, EGO, OTHER, TAKEN_OVER, TEXT, THREAT, Colour, write
 from service.world import agents as A
 from service.world.sensors.lidar import beam_directions, scan
 from sumo_nets.corridor import Corridor
@@ -15,7 +15,7 @@ from sumo_nets.corridor import Corridor
 SCALE = 11.6  # pixels a metre
 EGO_SHARE = 0.42  # of the width, behind the ego
 DASH_M, DASH_PERIOD_M = 4, 15  # about as California paints lane lines: 12 ft every 48 ft
-DANGER_S = 1.5  # below this the ego is drawn in red: drivers perceive a conflict (Vogel 2003 uses 1 to 4 s)
+DANGER_S = 1.5  # below this both are outlined in red: drivers perceive a conflict (Vogel 2003 uses 1 to 4 s)
 WATCHED_S = 10.0  # rays with a longer time to collision are drawn quietly
 FREE_RAY_M = 8.0  # how far a ray is drawn that hits nothing
 SHIFT = 4  # fractional bits of OpenCV's coordinates
@@ -27,13 +27,16 @@ RAY: Colour = (120, 116, 112)
 
 
 class TopDown:
-    """Draws states of one trace into pictures (height, width, 3)."""
+    """Draws states of one trace into pictures (height, width, 3). threat: the vehicle that f is about."""
 
-    def __init__(self, trace: Trace, corridor: Corridor, width: int, height: int, rays: int):
+    def __init__(
+        self, trace: Trace, corridor: Corridor, width: int, height: int, rays: int, threat: int | None = None
+    ):
         self._trace = trace
         self._corridor = corridor
         self._width = width
         self._height = height
+        self._threat = threat
         self._beams = beam_directions(rays)
         self._middle = float(np.nanmean([corridor.road_left, corridor.road_right]))  # in the picture's middle
 
@@ -126,12 +129,12 @@ class TopDown:
                 start_m,
             )
 
-        if i == trace.ego:
-            colour = DANGER if trace.ttc_s[k] < DANGER_S or agent[A.COLLISION] else EGO
-        else:
-            colour = TAKEN_OVER if agent[A.TAKEN_OVER] else OTHER
+        about = i in (trace.ego, self._threat)
+        colour = EGO if i == trace.ego else THREAT if about else TAKEN_OVER if agent[A.TAKEN_OVER] else OTHER
         body = outline([[1, 1], [1, -1], [-1, -1], [-1, 1]])
         cv2.fillPoly(image, [body], colour, cv2.LINE_AA, SHIFT)
+        if about and (trace.ttc_s[k] < DANGER_S or agent[A.COLLISION]):
+            cv2.polylines(image, [body], True, DANGER, 3, cv2.LINE_AA, SHIFT)
         glass = outline([[0.45, 0.8], [0.45, -0.8], [0.2, -0.8], [0.2, 0.8]])
         cv2.fillPoly(image, [glass], (40, 40, 40), cv2.LINE_AA, SHIFT)
         x, y = (body[2] / 2**SHIFT).tolist()

@@ -29,6 +29,7 @@ from service.front.dashboard.pages import (
     rollouts,
     submit,
 )
+from service.front.dashboard.pages import log as job_log
 from service.front.dashboard.site import Part, Site
 from service.front.dashboard.trouble import Trouble, trouble_of
 from service.remote.client import Client, NoAnswer, Refused
@@ -95,6 +96,9 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
     async def rollouts_page(request: Request) -> Response:
         return await site.page(request, "rollouts.html", rollouts.PARTS, await known_job(request))
 
+    async def log_page(request: Request) -> Response:
+        return await site.page(request, "log.html", job_log.PARTS, await known_job(request))
+
     async def risk_page(request: Request) -> Response:
         values = await known_job(request) | risk.form_values(request)
         return await site.page(request, "risk.html", risk.PARTS, values)
@@ -113,13 +117,13 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
     async def submit_page(request: Request) -> Response:
         form = await submit.empty_form(site, await submit.liked(site, request))
         if request.method != "POST":
-            return await site.page(request, "submit.html", values={"form": form})
+            return await site.page(request, "submit.html", submit.PARTS, {"form": form})
         form = submit.filled(form, await sent(request))
         made = None
         if not form.wrong:
             made, form = await submit.submit(site, form)
         if made is None:
-            return await site.page(request, "submit.html", values={"form": form}, status=422)
+            return await site.page(request, "submit.html", submit.PARTS, {"form": form}, 422)
         return RedirectResponse(f"/jobs/{quote(made.id, safe='')}", 303)
 
     async def order(request: Request) -> Response:
@@ -157,6 +161,7 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
         Route("/", jobs_page),
         parts("/", jobs.TABLE),
         Route("/submit", submit_page, methods=["GET", "POST"]),
+        parts("/submit", *submit.PARTS),
         Route("/jobs/{job}", job_page),
         Route("/jobs/{job}/{order}", order, methods=["POST"]),
         parts("/jobs/{job}", *job_parts),
@@ -164,6 +169,8 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
         parts("/jobs/{job}/failures", *failures.PARTS),
         Route("/jobs/{job}/rollouts", rollouts_page),
         parts("/jobs/{job}/rollouts", *rollouts.PARTS),
+        Route("/jobs/{job}/log", log_page),
+        parts("/jobs/{job}/log", *job_log.PARTS),
         Route("/jobs/{job}/risk", risk_page),
         parts("/jobs/{job}/risk", *risk.PARTS),
         Route("/fleet", fleet_page),
@@ -175,6 +182,7 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
         Route("/jobs/{job}/rollouts/{row}/playback.json", files.playback),
         Route("/jobs/{job}/rollouts/{row}/camera.json", files.camera),
         Route("/jobs/{job}/rollouts/{row}/export/{form}", files.export),
+        Route("/jobs/{job}/scenario.toml", files.scenario),
         Route("/jobs/{job}/report", files.report),
         Route("/jobs/{job}/report.json", files.report_json),
         Route("/live", events),

@@ -51,6 +51,11 @@ class Files:
         )
         return _download(body, f"{asked.job}-{asked.row}.{ending}", MEDIA[ending])
 
+    async def scenario(self, request: Request) -> Response:
+        job = request.path_params["job"]
+        found = await self._patiently(lambda client: client.scenario(job))
+        return _download(found.text.encode(), f"{found.name}.toml", MEDIA["toml"])
+
     async def report(self, request: Request) -> Response:
         job = request.path_params["job"]
         body = await self._patiently(lambda client: client.report(job).encode())

@@ -3,11 +3,13 @@
 What a client sends by value names roads and weights out of these, never a file.
 """
 
+import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import tomli_w
 
 from policies.drivers import shipped
 from policies.egos import ego_names
@@ -16,9 +18,12 @@ from service.remote.api.objects import Ego, Egos, ScenarioEntry, Scenarios
 from service.remote.api.problems import ApiError, Wrong, short
 from service.world.egos.settings import EgoSettings
 from service.world.egos.sumo import NAMES as SUMO_EGOS
+from service.world.safety.measure import with_measure
 from service.world.scenario import Scenario, load_scenario
 from service.world.scenario.check import check_road
+from service.world.scenario.fixed import toml_of
 from service.world.scenario.load import built_in_names, parse_scenario
+from service.world.scenario.noise_mode import with_noise_mode
 from sumo_nets.corridor import BUILT_IN
 
 BY_VALUE = "the scenario"  # what messages call one that was sent
@@ -81,6 +86,36 @@ class Catalogue:
         scenario = parse_scenario(own, BY_VALUE, NOWHERE)
         check_road(scenario, BY_VALUE)
         return scenario
+
+    def again(self, scenario: Scenario) -> tuple[str | None, str | None] | None:
+        """Measure and noise mode to give beside the scenario's name to have it again, each None where the listed one
+        has it; None where the name does not bring it back."""
+        listed = (self._built_in | self._offered).get(scenario.name)
+        if listed is None:
+            return None
+        measure, noise_mode = scenario.safety.measure, scenario.drivers.noise_mode
+        if with_noise_mode(with_measure(listed, measure), noise_mode) != scenario:
+            return None
+        return (
+            None if listed.safety.measure == measure else measure,
+            None if listed.drivers.noise_mode == noise_mode else noise_mode,
+        )
+
+    def text_of(self, scenario: Scenario) -> str:
+        """The text of a scenario file as `by_value` takes it: the owner's roads and weights by scenario."""
+        written = tomllib.loads(toml_of(scenario))
+        for name, offered in self._offered.items():
+            theirs = tomllib.loads(toml_of(offered))
+            if written.get("network") == theirs.get("network"):
+                written["network"] = {"road": name}
+            own, other = written.get("drivers", {}), theirs.get("drivers", {})
+            if (
+                "weights" in own
+                and own["weights"] == other.get("weights")
+                and own["weights"] not in shipped()
+            ):
+                own["weights"] = name
+        return tomli_w.dumps(written)
 
     def _permitted(self, table: Any, name: str, key: str, built_in: Sequence[str]) -> Any:
         """The table with its file's name made sure of."""

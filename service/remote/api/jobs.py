@@ -10,7 +10,7 @@ import ce
 from service.evaluation.job import held_bytes, make_job
 from service.remote.api.catalogue import Catalogue
 from service.remote.api.limits import Limits
-from service.remote.api.objects import OVER, Done, Job, Jobs
+from service.remote.api.objects import OVER, Done, Job, Jobs, JobScenario
 from service.remote.api.problems import ApiError, Wrong, short
 from service.remote.api.requests import Nothing, Page, Submission
 from service.remote.fleet.service import Fleet, JobView
@@ -36,6 +36,19 @@ class JobAnswers:
 
     def job(self, asked: Nothing, job: str) -> Job:
         return wire(self._fleet.job(job))
+
+    def scenario(self, asked: Nothing, job: str) -> JobScenario:
+        """What the job runs, for who submits it again."""
+        found = self._fleet.scenario(job)
+        again = self._catalogue.again(found)
+        return JobScenario(
+            job=job,
+            name=found.name,
+            listed=again is not None,
+            measure=None if again is None else again[0],
+            noise_mode=None if again is None else again[1],
+            text=self._catalogue.text_of(found),
+        )
 
     def submit(self, asked: Submission) -> Job:
         if isinstance(asked.scenario, str):

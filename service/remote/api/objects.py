@@ -161,6 +161,18 @@ class Scenarios(_Body, frozen=True):
     weights: tuple[str, ...]
 
 
+class JobScenario(_Body, frozen=True):
+    """A job's scenario. text: of a scenario file that submits it again; listed: whether its name alone does, with
+    measure and noise_mode beside it where they are not null."""
+
+    job: str
+    name: str
+    listed: bool
+    measure: str | None
+    noise_mode: str | None
+    text: str
+
+
 class Ego(_Body, frozen=True):
     """An ego that jobs may name.
 

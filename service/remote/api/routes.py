@@ -67,6 +67,8 @@ ROUTES = (
     Route("jobs", "Jobs in the order of submission.", "jobs", R.Page, O.Jobs),
     Route("jobs", "With a body: submit a job.", "submit", R.Nothing, O.Job, R.Submission, True),
     Route("jobs/{job}", "A job and how far it is.", "job", R.Nothing, O.Job),
+    Route("jobs/{job}/scenario", "The scenario of a job, as a file that submits it again.", "scenario", R.Nothing,
+          O.JobScenario),
     Route("jobs/{job}/estimate", "p with its interval, from what is complete.", "estimate", R.AskEstimate, O.Estimate),
     Route("jobs/{job}/curve", "p for many thresholds.", "curve", R.AskCurve, O.Curve),
     Route("jobs/{job}/course", "The estimate as rollouts came in.", "course", R.AskCourse, O.Course),

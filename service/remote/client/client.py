@@ -93,6 +93,10 @@ class Client(Closing):
         """p from what is complete, at another threshold or confidence where given."""
         return self._of(job, "estimate", O.Estimate, gamma=gamma, confidence=confidence)
 
+    def scenario(self, job: str) -> O.JobScenario:
+        """The scenario of a job, as a file that submits it again."""
+        return self._of(job, "scenario", O.JobScenario)
+
     def curve(
         self, job: str, gammas: Sequence[float] | None = None, confidence: float | None = None
     ) -> O.Curve:

@@ -30,6 +30,7 @@ from service.remote.fleet.hub import Hub
 from service.remote.fleet.scheduler import Scheduler
 from service.remote.fleet.workers import WorkerState
 from service.world.egos.open import REMOTE
+from service.world.scenario import Scenario
 from service.world.scenario.measures import measure_kind
 
 MAX_OPEN_JOBS = 1000
@@ -166,6 +167,10 @@ class Fleet:
     def job(self, job: str) -> JobView:
         """NoSuchJob for a job that there is not; so do all that follow."""
         return self._view(self._row(job), self._progress())
+
+    def scenario(self, job: str) -> Scenario:
+        """What the job runs."""
+        return self._row(job).job.scenario
 
     def check(self) -> None:
         """StoreError where the database takes nothing, cannot be read, or is not one any more."""

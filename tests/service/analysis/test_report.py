@@ -182,9 +182,9 @@ def test_the_page_says_the_estimates_of_the_json(run):
         assert (job["p"], job["std_error"], tuple(job["ci"])) == (estimate.p, estimate.std_error, estimate.ci)
         for value in (job["p"], job["std_error"], *job["ci"], job["ess"], job["rollouts"]["total"]):
             assert value in page.data
-        assert wording.significant(job["p"]) in page.words
+        assert wording.told(job["p"], job["ci"]).value in page.words
     head = facts["headline"]
-    assert f"p = {wording.significant(head['p'])}" in page.words
+    assert f"p = {wording.told(head['p'], head['ci']).value}" in page.words
     assert head["answer_interval"] in page.words
 
 

@@ -10,7 +10,7 @@ class Series:
     """One line, or points. Values that are not known are None.
 
     low, high: an interval around each
-    tone: one of the page's colours, 1 to 4, or 0 for what is compared against
+    tone: one of the page's colours, 1 to 4, 0 for what is compared against, "ego" or "threat"
     """
 
     name: str
@@ -18,7 +18,7 @@ class Series:
     y: Sequence[float | None]
     low: Sequence[float | None] = ()
     high: Sequence[float | None] = ()
-    tone: int = 1
+    tone: int | str = 1
     kind: Literal["line", "points", "steps"] = "line"
     dashed: bool = False
 

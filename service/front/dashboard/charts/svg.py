@@ -1,9 +1,12 @@
 """A chart as a figure of a page: SVG, a legend, and all its values for the reader who points at it, tabs to it, or does
 not see it."""
 
+import csv
+import io
 import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from urllib.parse import quote
 
 from markupsafe import Markup, escape
 
@@ -37,7 +40,8 @@ def figure(chart: Chart) -> Markup:
         '<svg viewBox="0 0 {width} {height}" id="{id}-picture" role="img" tabindex="0" aria-labelledby="{id}-title" '
         'aria-describedby="{id}-shows" data-chart="{data}">{drawn}<g class="cross" hidden></g></svg>'
         '<p class="readout small" role="status" id="{id}-readout"></p>'
-        '<figcaption><span id="{id}-shows"{unseen}>{shows}</span>{note}</figcaption></figure>'
+        '<figcaption><span id="{id}-shows"{unseen}>{shows}</span>{note} '
+        '<a class="small" href="{csv}" download="{id}.csv">Data (CSV)</a></figcaption></figure>'
     ).format(
         id=chart.id,
         title=chart.title,
@@ -48,8 +52,25 @@ def figure(chart: Chart) -> Markup:
         drawn=Markup(drawn),
         unseen=Markup(' class="unseen"'),
         shows=chart.shows,
+        csv="data:text/csv;charset=utf-8," + quote(csv_of(chart)),
         note=Markup('<span class="quiet small">{}</span>').format(chart.note) if chart.note else "",
     )
+
+
+def csv_of(chart: Chart) -> str:
+    """The chart's values, all of them: a line a point, columns for x, each series and its interval's ends."""
+    columns: dict[str, dict[float, float | None]] = {}
+    for one in chart.series:
+        name = one.name if len(chart.series) > 1 else chart.y_label
+        for title, values in ((name, one.y), (f"{name} low", one.low), (f"{name} high", one.high)):
+            if values:
+                columns[title] = {x: v for x, v in zip(one.x, values, strict=True) if x is not None}
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow([chart.x_label, *columns])
+    for x in sorted({x for values in columns.values() for x in values}):
+        writer.writerow([repr(x), *("" if (v := c.get(x)) is None else repr(v) for c in columns.values())])
+    return text.getvalue()
 
 
 def _heights(chart: Chart, series: Sequence[Series]) -> list[float]:

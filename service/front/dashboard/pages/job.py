@@ -5,11 +5,12 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
-from urllib.parse import quote
+from urllib.parse import quote, urlencode
 
 import msgspec
 from starlette.requests import Request
 
+from service.analysis import wording
 from service.front.dashboard.charts import figure
 from service.front.dashboard.link import FOR_GOOD_S, MOMENT_S
 from service.front.dashboard.pages import job_charts
@@ -23,6 +24,7 @@ from service.remote.api.objects import (
     EstimateStep,
     Iterations,
     Job,
+    JobScenario,
     Scenarios,
     SearchStep,
 )
@@ -155,7 +157,26 @@ async def course(site: Site, request: Request) -> dict[str, Any]:
         job_charts.estimate_against_rollouts(job, came_in, steps.estimate),
         job_charts.probability_against_threshold(job, curve, estimate),
     ]
-    return {"figures": [figure(chart) for chart in charts]}
+    return {
+        "job": job,
+        "figures": [figure(chart) for chart in charts],
+        "thresholds": thresholds_of(job, curve),
+    }
+
+
+def thresholds_of(job: Job, curve: Curve) -> list[dict[str, Any]]:
+    """What a slider over the thresholds tells at each that the rollouts say something on: words, and where those
+    rollouts are listed."""
+    found = []
+    for point in curve.points:
+        if point.p is None or not point.events:
+            continue
+        told, event = wording.told(point.p, point.ci), wording.quantity(round(point.gamma, 4), job.unit)
+        sure = wording.level(curve.confidence)
+        text = f"f ≤ {event}: p = {told.value}, {sure} interval {told.span}; {wording.count(point.events)} rollouts"
+        address = f"/jobs/{quote(job.id, safe='')}/rollouts?{urlencode({'high': f'{point.gamma:.6g}'})}"
+        found.append({"gamma": point.gamma, "said": text, "rollouts": address})
+    return found
 
 
 async def search(site: Site, request: Request) -> dict[str, Any]:
@@ -174,17 +195,24 @@ async def cost(site: Site, request: Request) -> dict[str, Any]:
     """What was spent, training apart; the settings; the commands that do it again."""
     job = await job_of(site, request)
     estimate = await estimate_of(site, job)
-    built_in = any(s.name == job.scenario for s in (await scenarios(site)).items)
-    return {"job": job, "estimate": estimate, "command": command_of(job), "listed": built_in}
+    scenario = await scenario_of(site, job)
+    return {"job": job, "estimate": estimate, "command": command_of(job, scenario), "scenario": scenario}
+
+
+async def scenario_of(site: Site, job: Job) -> JobScenario:
+    return await site.link.ask(("scenario", job.id), lambda client: client.scenario(job.id), 60.0)
 
 
 async def scenarios(site: Site) -> Scenarios:
     return await site.link.ask("scenarios", lambda client: client.scenarios(), 60.0)
 
 
-def command_of(job: Job) -> str:
-    """The command that submits the same job again."""
-    words = ["tailroad", "submit", job.scenario, "--ego", job.ego, "--gamma", f"{job.gamma!r}"]
+def command_of(job: Job, scenario: JobScenario) -> str:
+    """The command that submits the same job again, with the scenario's file where its name does not bring it back."""
+    named = job.scenario if scenario.listed else f"{job.scenario}.toml"
+    words = ["tailroad", "submit", named, "--ego", job.ego, "--gamma", f"{job.gamma!r}"]
+    for option, value in (("--measure", scenario.measure), ("--noise-mode", scenario.noise_mode)):
+        words += [option, value] if value is not None else []
     words += ["--method", job.method, "--seed", str(job.seed)]
     for name, value in sorted(job.options.items()):
         if value is None:
@@ -193,6 +221,9 @@ def command_of(job: Job) -> str:
             words += [f"--{name.replace('_', '-')}", _text(value)]
         else:
             words += ["--option", f"{name}={_text(value)}"]
+    words += ["--label", job.label] if job.label else []
+    for option, number, usual in (("--priority", job.priority, 0), ("--weight", job.weight, 1.0)):
+        words += [option, f"{number:g}"] if number != usual else []
     return shlex.join(words)
 
 

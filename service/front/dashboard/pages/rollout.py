@@ -103,7 +103,11 @@ def over_time(playback: Playback) -> list[Chart]:
     least = f"{playback.time_s[playback.worst]:.1f} s" if playback.time_s else "no time"
     ego = next((track for track in playback.tracks if track.role == "ego"), None)
     threat = next((track for track in playback.tracks if track.role == "threat"), None)
-    speeds = [Series(t.name, time, list(t.speed_mps), tone=tone) for t, tone in ((ego, 1), (threat, 2)) if t]
+    speeds = [
+        Series(t.name, time, list(t.speed_mps), tone=tone)
+        for t, tone in ((ego, "ego"), (threat, "threat"))
+        if t
+    ]
     return [
         Chart(
             id="chart-measure",

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -9,16 +10,28 @@ from typing import Any
 
 from starlette.requests import Request
 
-from service.front.dashboard.pages.job import named, scenarios
-from service.front.dashboard.site import Site
+from service.front.dashboard.pages.job import named, scenario_of, scenarios
+from service.front.dashboard.pages.jobs import all_jobs, estimates_of
+from service.front.dashboard.site import Part, Site
 from service.remote.api.objects import Job
 from service.remote.client import Client, Refused
+from service.world.scenario.measures import MEASURES
 
 OPTIONS, OWN = "options", "own_scenario"
+DEFAULTS = {"scenario": "i80-10s"}  # short, with drivers who err; where the service lists it
+SPOKEN_OF = {
+    "gamma": ("threshold",),
+    OPTIONS: ("option",),
+    "rel_error": ("relative half-width",),
+}  # words of messages
+IN_PASSING = ("method", "ego", "scenario", "measure", "label")  # that messages on something else name, too
+LEAST_MEASURED = 20  # rollouts, below which starting the processes is most of their time
+MOST_MEASURED = 5  # jobs that are looked at for a measured rollout
 # What people call the fields that there are today; a field of a newer service goes by its name in the schema.
 WORDS = {
     "scenario": ("Scenario", "One that the service lists; or give your own below."),
-    "gamma": ("Threshold γ", "A rollout is dangerous when f ≤ γ, in the unit of the scenario's safety measure."),
+    "gamma": ("Threshold γ", "A rollout is dangerous when f ≤ γ, in the unit of the safety measure: with ttc-impact 0 "
+              "is a contact, 0.5 half a second before one."),
     "ego": ("Ego", "The driving policy under test."),
     "method": ("Method", "auto chooses by what the first rollouts show; naive draws from P0 itself."),
     "budget": ("Budget", "Rollouts at most, training included."),
@@ -40,6 +53,7 @@ FIRST = (
     "label",
     "scenario",
     "ego",
+    "measure",
     "gamma",
     "method",
     "budget",
@@ -52,6 +66,7 @@ class Field:
 
     kind: of input
     choices: to select from
+    hints: values that it may have, among others
     low, high: in HTML's sense
     error: what is wrong with its value
     """
@@ -66,6 +81,7 @@ class Field:
     low: float | None = None
     high: float | None = None
     step: str = "any"
+    hints: tuple[str, ...] = ()
     longest: int | None = None
     error: str = ""
 
@@ -79,12 +95,14 @@ class Form:
     fields: tuple[Field, ...]
     own: str = ""  # text of an own scenario
     own_error: str = ""
+    error: str = ""  # of the whole
+    kept: str = ""  # what of a cloned job is not kept
     # as the service takes them, where nothing is wrong
     values: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def wrong(self) -> bool:
-        return bool(self.own_error) or any(one.error for one in self.fields)
+        return bool(self.own_error or self.error) or any(one.error for one in self.fields)
 
 
 async def empty_form(site: Site, like: Job | None) -> Form:
@@ -95,12 +113,26 @@ async def empty_form(site: Site, like: Job | None) -> Form:
         "ego": tuple(e.name for e in (await site.link.ask("egos", lambda client: client.egos(), 10.0)).items),
     }
     given = {} if like is None else _as_given(like)
+    own, lost = "", []
+    if like is not None:
+        scenario = await scenario_of(site, like)
+        given |= {"measure": scenario.measure or "", "noise_mode": scenario.noise_mode or ""}
+        own = "" if scenario.listed else scenario.text
     fields = [
         _field(name, described, name in schema.get("required", ()), choices.get(name, ()))
         for name, described in schema["properties"].items()
     ]
     fields.sort(key=lambda one: FIRST.index(one.name) if one.first else len(FIRST))
-    return Form(tuple(replace(one, value=given.get(one.name, one.value)) for one in fields))
+    shown = []
+    for one in fields:
+        value = given.get(one.name, DEFAULTS.get(one.name, one.value))
+        if one.choices and value not in one.choices:
+            if one.name in given and not (one.name == "scenario" and own):
+                lost.append(f"{one.label.lower()} “{value}”")
+            value = one.value
+        shown.append(replace(one, value=value))
+    kept = f"Not kept, as this service does not offer it now: {', '.join(lost)}." if lost else ""
+    return Form(tuple(shown), own, kept=kept)
 
 
 def _schema(client: Client) -> dict[str, Any]:
@@ -129,7 +161,8 @@ def _field(name: str, described: Mapping[str, Any], required: bool, choices: tup
         return replace(made, kind="select", choices=("false", "true"))
     if plain.get("type") == "object":
         return replace(made, kind="lines")
-    return replace(made, longest=plain.get("maxLength"))
+    hints = tuple(MEASURES) if name == "measure" else ()
+    return replace(made, longest=plain.get("maxLength"), hints=hints)
 
 
 def _as_given(job: Job) -> dict[str, str]:
@@ -164,7 +197,7 @@ def filled(form: Form, sent: Mapping[str, str]) -> Form:
             values["scenario"] = tomllib.loads(own)
         except tomllib.TOMLDecodeError as error:
             own_error = f"This is not TOML: {error}."
-    return Form(tuple(fields), own, own_error, values)
+    return Form(tuple(fields), own, own_error, values=values)
 
 
 def _value(one: Field) -> Any:
@@ -215,10 +248,45 @@ def _with_errors(form: Form, refused: Refused) -> Form:
     text = refused.problem.detail
     if form.own and not (named_fields & known - {"scenario"}):
         return replace(form, own_error=text)
-    at = next((name for name in named_fields if name in known), form.fields[0].name)
+    at = next((name for name in named_fields if name in known), None) or _meant(text, known)
+    if at is None:
+        return replace(form, error=text)
     return replace(
         form, fields=tuple(replace(one, error=text) if one.name == at else one for one in form.fields)
     )
+
+
+def _meant(text: str, known: set[str]) -> str | None:
+    """The field that a message speaks of first."""
+    places: dict[str, int] = {}
+    for name in known:
+        for word in (name, *SPOKEN_OF.get(name, ())):
+            found = re.search(rf"\b{re.escape(word)}\b", text)
+            if found:
+                places[name] = min(places.get(name, found.start()), found.start())
+    return min(places, key=lambda name: (name in IN_PASSING, places[name]), default=None)
+
+
+async def forecast(site: Site, request: Request) -> dict[str, Any]:
+    """What the rollouts of a job would take, by the last one of the same scenario and ego that has run some."""
+    asked = request.query_params
+    scenario, ego, budget = asked.get("scenario", ""), asked.get("ego", ""), asked.get("budget", "")
+    rollouts = int(budget) if budget.isascii() and budget.isdigit() and len(budget) < 16 else None
+    alike = [job for job in await all_jobs(site) if (job.scenario, job.ego) == (scenario, ego)]
+    alike.sort(key=lambda job: -job.number)
+    by = None
+    for job in alike[:MOST_MEASURED]:
+        found = (await estimates_of(site, [job])).get(job.id)
+        if found is not None and found.rollouts.total >= LEAST_MEASURED and found.worker_s > 0.0:
+            by = job, found.worker_s / found.rollouts.total
+            break
+    workers = await site.link.ask("workers", lambda client: client.workers().items)
+    procs = sum(worker.procs for worker in workers if not worker.quarantine)
+    return {"scenario": scenario, "ego": ego, "rollouts": rollouts, "by": by, "procs": procs}
+
+
+FORECAST = Part("forecast", "What it would take", forecast, ())
+PARTS = (FORECAST,)
 
 
 async def liked(site: Site, request: Request) -> Job | None:

@@ -49,6 +49,39 @@ function nearest(svg, clientX) {
   return best;
 }
 
+// The slider over thresholds: what p is at each, on the chart and in words.
+function slide(box, place) {
+  const known = JSON.parse(box.dataset.thresholds);
+  const one = known[place];
+  box.querySelector("input").setAttribute("aria-valuetext", one.said);
+  box.querySelector("output").textContent = one.said;
+  box.querySelector("a").href = one.rollouts;
+  const svg = document.getElementById("chart-curve-picture");
+  if (svg) crossAt(svg, one.gamma);
+}
+
+const chosen = { place: null }; // keeps through redrawing of the part
+
+function beginSliding() {
+  const box = document.querySelector("[data-thresholds]");
+  if (!box) return;
+  const known = JSON.parse(box.dataset.thresholds);
+  const off = (one) => Math.abs(one.gamma - Number(box.dataset.own));
+  const own = known.reduce((best, one, i) => (off(one) < off(known[best]) ? i : best), 0);
+  const place = chosen.place === null ? own : Math.min(chosen.place, known.length - 1);
+  box.querySelector("input").value = place;
+  slide(box, place);
+}
+
+document.addEventListener("input", (event) => {
+  const box = event.target.closest?.("[data-thresholds]");
+  if (!box) return;
+  chosen.place = Number(event.target.value);
+  slide(box, chosen.place);
+});
+document.addEventListener("shown", beginSliding);
+beginSliding();
+
 document.addEventListener("pointermove", (event) => {
   const svg = event.target.closest?.("svg[data-chart]");
   if (svg) told(svg, nearest(svg, event.clientX));

@@ -70,10 +70,12 @@ function show(part, html) {
   part.dataset.shown = "";
   const focus = part.contains(document.activeElement) ? document.activeElement.id : "";
   const open = new Set([...part.querySelectorAll("details[open][id]")].map((one) => one.id));
+  const checked = new Set([...part.querySelectorAll("input[type=checkbox][id]:checked")].map((one) => one.id));
   const scrolled = new Map([...part.querySelectorAll(".scroll")].map((one, i) => [i, one.scrollLeft]));
   const fresh = document.createElement("template");
   fresh.innerHTML = html;
   part.replaceChildren(fresh.content);
+  for (const id of checked) document.getElementById(id)?.toggleAttribute("checked", true);
   for (const id of open) document.getElementById(id)?.setAttribute("open", "");
   part.querySelectorAll(".scroll").forEach((one, i) => (one.scrollLeft = scrolled.get(i) ?? 0));
   if (focus) document.getElementById(focus)?.focus({ preventScroll: true });

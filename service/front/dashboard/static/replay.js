@@ -7,6 +7,8 @@ const by = (id) => document.getElementById(id);
 const canvas = by("road");
 const EDGE_M = 2.5; // beyond the road's edges
 const LEAST_PX = 120;
+const MOST_SHARE = 0.5; // of the window's height
+const ORDER = ["other", "threat", "ego"]; // the last on top
 
 let data = null;
 let at = 0; // state, with the fraction between two
@@ -64,7 +66,7 @@ function sized() {
   const low = Math.min(...offsets, -4) - EDGE_M;
   const high = Math.max(...offsets, 4) + EDGE_M;
   const span = Number(by("zoom").value) * Math.min(1, Math.max(width / 900, 0.5));
-  const scale = width / span;
+  const scale = Math.min(width / span, Math.max(MOST_SHARE * window.innerHeight, LEAST_PX) / (high - low));
   const height = Math.max((high - low) * scale, LEAST_PX);
   if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
     canvas.width = Math.round(width * ratio);
@@ -86,10 +88,13 @@ function draw() {
   pen.clearRect(0, 0, width, height);
   drawRoad(pen, toX, toY, width);
   if (by("rays").checked) drawRays(pen, toX, toY, own, scale);
-  for (const track of data.tracks) {
-    const found = pose(track, at);
-    if (found) drawVehicle(pen, toX(found.s), toY(found.y), found, track, scale);
-  }
+  const placed = ORDER.flatMap((role) => data.tracks.filter((track) => track.role === role))
+    .map((track) => ({ track, found: pose(track, at) }))
+    .filter((one) => one.found)
+    .map((one) => ({ ...one, x: toX(one.found.s), y: toY(one.found.y) }));
+  drawAbout(pen, placed);
+  for (const one of placed) drawVehicle(pen, one, scale);
+  drawLabels(pen, placed, scale);
   drawRuler(pen, width, height, scale);
 }
 
@@ -140,7 +145,41 @@ function drawRays(pen, toX, toY, own, scale) {
   });
 }
 
-function drawVehicle(pen, x, y, found, track, scale) {
+// A line from the ego to the one that f is about, with the measure of the moment.
+function drawAbout(pen, placed) {
+  const ego = placed.find((one) => one.track.role === "ego");
+  const about = placed.find((one) => one.track.role === "threat");
+  if (!ego || !about) return;
+  pen.strokeStyle = colours.threat;
+  pen.lineWidth = 1.5;
+  pen.setLineDash([5, 4]);
+  pen.beginPath();
+  pen.moveTo(ego.x, ego.y);
+  pen.lineTo(about.x, about.y);
+  pen.stroke();
+  pen.setLineDash([]);
+}
+
+// Names as the text has them, the ego's and that of the one that f is about first; those that would cover one are left out.
+function drawLabels(pen, placed, scale) {
+  const taken = [];
+  pen.font = "12px system-ui, sans-serif";
+  pen.textAlign = "center";
+  for (const { track, found, x, y } of [...placed].reverse()) {
+    const main = track.role !== "other";
+    const text = main && found.speed !== null ? `${track.name} ${found.speed.toFixed(1)} m/s` : track.name;
+    const half = pen.measureText(text).width / 2 + 2;
+    const half_m = (track.width_m * scale) / 2;
+    const line = track.role === "threat" ? y + half_m + 14 : y - half_m - 5; // apart from the ego's where they touch
+    const box = [x - half, line - 12, x + half, line + 3];
+    if (taken.some((b) => box[0] < b[2] && b[0] < box[2] && box[1] < b[3] && b[1] < box[3])) continue;
+    taken.push(box);
+    pen.fillStyle = main ? colours[track.role] : colours.ink;
+    pen.fillText(text, x, line);
+  }
+}
+
+function drawVehicle(pen, { x, y, found, track }, scale) {
   pen.save();
   pen.translate(x, y);
   pen.rotate(-found.heading);
@@ -157,10 +196,6 @@ function drawVehicle(pen, x, y, found, track, scale) {
   pen.globalAlpha = 0.75;
   pen.fillRect(length * 0.12, -width * 0.36, length * 0.16, width * 0.72); // windscreen: which way it looks
   pen.restore();
-  pen.fillStyle = colours.ink;
-  pen.font = "12px system-ui, sans-serif";
-  pen.textAlign = "center";
-  if (found.speed !== null) pen.fillText(`${found.speed.toFixed(1)} m/s`, x, y - width / 2 - 5);
 }
 
 function drawRuler(pen, width, height, scale) {
@@ -185,6 +220,7 @@ function show() {
   by("time").value = state;
   by("time").setAttribute("aria-valuetext", `${data.time_s[state].toFixed(1)} seconds`);
   const ego = data.tracks.find((track) => track.role === "ego");
+  const about = data.tracks.find((track) => track.role === "threat");
   const measure = data.measure === "ttc" ? "time to collision" : data.measure;
   const unit = data.unit ? ` ${data.unit}` : "";
   by("now").textContent = [
@@ -192,6 +228,8 @@ function show() {
     `${measure} ${said(data.measured[state], 2, unit)}`,
     `ego ${said(ego.speed_mps[state], 1, " m/s")}`,
     `acceleration ${said(data.acceleration_mps2[state], 2, " m/s²")}`,
+    ...(about ? [`f is about ${about.name}`] : []),
+    ...(data.contact && state === data.time_s.length - 1 ? [data.contact] : []),
   ].join("  ·  ");
   for (const svg of document.querySelectorAll("#over-time svg[data-chart]")) crossAt(svg, between(data.time_s, at));
   const near = pictures.reduce((best, one) => (Math.abs(one.state - at) < Math.abs(best.state - at) ? one : best), pictures[0]);
@@ -247,9 +285,11 @@ function begin() {
   by("worst").addEventListener("click", () => seek(data.worst));
   by("time").addEventListener("input", () => seek(Number(by("time").value)));
   for (const id of ["zoom", "rays"]) by(id).addEventListener("change", draw);
-  player.addEventListener("keydown", (event) => {
-    if (event.target.matches("select, input, button") && event.key !== " ") return;
-    if (event.key === " " && !event.target.matches("button, select, input[type=checkbox]")) setPlaying(!playing);
+  document.addEventListener("keydown", (event) => {
+    if (event.target.matches("select, input, button, textarea, summary, svg") && event.key !== " ") return;
+    const typed = "button, select, textarea, summary, input:not([type=range])"; // where space has its own meaning
+    if (event.key === " " && !event.target.matches(typed)) setPlaying(!playing);
+    else if (!player.contains(event.target)) return;
     else if (event.key === "ArrowLeft") seek(Math.round(at) - 1);
     else if (event.key === "ArrowRight") seek(Math.round(at) + 1);
     else return;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import re
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 from service.front.dashboard.charts import Chart, Mark, Series, figure
 from service.front.dashboard.charts.scale import Scale, fitting
+from service.front.dashboard.charts.svg import csv_of
 from service.front.dashboard.pages.job_charts import wilson_interval
 
 spans = st.floats(1e-9, 1e9).flatmap(lambda size: st.tuples(st.floats(-1e9, 1e9), st.just(size)))
@@ -101,3 +103,15 @@ def test_nothing_to_draw_is_said():
 def test_the_naive_interval_is_wilsons(p, n, low, high):
     """Known values: 50 and 0 of 100; 10 of 10,000 (statsmodels' proportion_confint, method wilson)."""
     assert wilson_interval(p, n, 0.95) == pytest.approx((low, high), rel=2e-3, abs=1e-12)
+
+
+def test_all_values_of_a_chart_come_as_csv_even_where_they_are_thinned():
+    n = 1000
+    chart = Chart(
+        "c", "t", "s", "x, m", "p", (Series("p", list(range(n)), [0.5] * n, [0.1] * n, [None] * n),)
+    )
+    rows = list(csv.reader(csv_of(chart).splitlines()))
+    assert rows[0] == ["x, m", "p", "p low", "p high"]
+    assert rows[-1] == ["999", "0.5", "0.1", ""]
+    assert len(rows) == n + 1
+    assert "download" in figure(chart)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import threading
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,6 +13,8 @@ import pytest
 from service.remote.api.server import Api
 from service.remote.client import Client
 from service.remote.fleet.messages import Answer, Failed, Lease
+from service.world.scenario import load_scenario
+from service.world.scenario.fixed import toml_of
 from tests.service.conftest import PATIENCE_MS
 from tests.service.front.dashboard.conftest import dashboard_of
 from tests.service.remote.api.conftest import LIMITS, Service, open_service
@@ -138,6 +141,10 @@ def test_what_is_wrong_stands_beside_the_field(page):
     page.get_by_text("It was not submitted").wait_for()
     error = page.locator("#field-options-error")
     assert "did you mean 'rho'?" in error.inner_text()
+    page.get_by_label("Options of the method").fill("")
+    page.get_by_label("Budget").fill("5")
+    page.get_by_role("button", name="Submit").click()
+    assert "budget of at least 1000" in page.locator("#field-budget-error").inner_text()
     assert page.get_by_label("Threshold").input_value() == "0.4"
 
 
@@ -174,13 +181,31 @@ def test_a_failure_is_opened_and_replayed(page, ended: tuple[str, str]):
 
 def test_any_rollout_is_found_by_its_ending_and_replayed(page, ended: tuple[str, str]):
     page.goto(f"/jobs/{ended[0]}")
-    page.locator("#endings a", has_text="off-road").click()
+    page.locator("#endings a", has_text="finished").click()
     page.get_by_label("Order").select_option("-f")
     page.get_by_text("that fit, of 600").wait_for()
     first = page.locator(".jobs tbody tr").first
     first.get_by_role("link", name="Replay").click()
     page.locator("#stage").wait_for()
     page.get_by_text("not dangerous").wait_for()
+
+
+def test_a_clone_of_an_own_scenario_keeps_it(page, service: Service):
+    text = toml_of(load_scenario("i80-paper-10s")).replace("horizon_s = 10.0", "horizon_s = 4.0")
+    with Client(f"tcp/127.0.0.1:{service.port}", timeout_s=60.0) as client:
+        mine = client.submit(tomllib.loads(text), 0.3, ego="idm", measure="box-ttc", label="mine", budget=50)
+        client.cancel(mine.id)
+        page.goto(f"/submit?like={mine.id}")
+        page.locator("#forecast, #part-forecast p").first.wait_for()
+        assert page.get_by_label("Label", exact=True).input_value() == "mine"
+        page.get_by_role("button", name="Submit").click()
+        page.get_by_role("heading", name="mine").wait_for()
+        again = page.url.rpartition("/")[2]
+        assert again != mine.id
+        assert client.scenario(again).text == client.scenario(mine.id).text
+        assert "horizon_s = 4.0" in client.scenario(again).text
+        assert client.job(again).measure == "box-ttc"
+        client.cancel(again)
 
 
 def test_two_jobs_are_compared(page, ended: tuple[str, str]):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import shlex
 
+import msgspec
 import pytest
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
@@ -14,10 +15,12 @@ from service.front.dashboard.forms import MOST_BYTES, local_path, sent
 from service.front.dashboard.live import Rates
 from service.front.dashboard.pages.job import command_of
 from service.front.dashboard.pages.jobs import Asked, Row, in_order
-from service.front.dashboard.pages.submit import Field, Form, _as_given, _field, filled
-from service.remote.api.objects import Job, Jobs
+from service.front.dashboard.pages.submit import Field, Form, _as_given, _field, _with_errors, filled
+from service.remote.api import objects as O
+from service.remote.api.objects import Job, Jobs, JobScenario
 from service.remote.api.requests import Submission
 from service.remote.api.schemas import schema_of
+from service.remote.client import Refused
 
 
 def job(number: int, **changes) -> Job:
@@ -123,8 +126,13 @@ def test_the_command_runs_the_same_job_again():
         seed=7,
         options={"budget": 9, "rel_error": None, "rho": 0.1, "mix": "a b"},
     )
-    assert shlex.split(command_of(made)) == [
-        "tailroad", "submit", "i80-10s", "--ego", "idm", "--gamma", "0.25", "--method", "ce", "--seed", "7",
+    listed = JobScenario(job="j1", name="i80-10s", listed=True, measure=None, noise_mode="frozen", text="")
+    words = shlex.split(command_of(made, listed))
+    own = msgspec.structs.replace(listed, listed=False, noise_mode=None)
+    assert shlex.split(command_of(made, own))[2] == "i80-10s.toml"
+    assert words == [
+        "tailroad", "submit", "i80-10s", "--ego", "idm", "--gamma", "0.25", "--noise-mode", "frozen", "--method",
+        "ce", "--seed", "7",
         "--budget", "9", "--option", 'mix="a b"', "--option", "rho=0.1"]  # fmt: skip
 
 
@@ -191,3 +199,21 @@ def test_the_form_takes_the_measure_and_the_noise_mode_and_leaves_them_to_the_sc
     assert filled(Form(fields), given).values == given
     like = _as_given(job(1, measure="rss", noise_mode="frozen"))
     assert (like["measure"], like["noise_mode"]) == ("rss", "frozen")
+
+
+@pytest.mark.parametrize(
+    ("detail", "named_as", "at"),
+    [
+        ("the cross-entropy method needs a budget of at least 1000, not 5", (), "budget"),
+        ("threshold -1 s: the measure 'ttc' is never below 0", (), "gamma"),
+        ("there is no scenario 'x'", (O.Wrong("scenario", "x", "one of i80"),), "scenario"),
+        ("the scheduler would hold too much", (), None),
+    ],
+)
+def test_what_the_service_finds_wrong_stands_beside_the_field_it_speaks_of(detail, named_as, at):
+    refused = Refused(O.Problem("urn:x:bad-job", "t", 422, detail, errors=named_as))
+    method = Field("method", "Method", "", "select", choices=("ce",))
+    form = _with_errors(filled(Form((*FORM.fields, method)), {"gamma": "1", "scenario": "i80"}), refused)
+    assert form.wrong
+    assert [one.name for one in form.fields if one.error] == ([at] if at else [])
+    assert form.error == ("" if at else detail)

@@ -28,7 +28,9 @@ from service.front.dashboard.pages import (
     risk,
     rollout,
     rollouts,
+    submit,
 )
+from service.front.dashboard.pages import log as job_log
 from service.front.dashboard.site import Part, Site
 from service.remote.api import objects as O
 from service.remote.client import NoAnswer, Refused
@@ -366,6 +368,8 @@ ANSWERS: dict[str, Any] = {
     "curve": CURVE,
     "course": COURSE,
     "listing": LISTING,
+    "log": [EVENT],
+    "scenario": O.JobScenario(job="j1", name="s", listed=False, measure=None, noise_mode=None, text=EVIL),
     "scenarios": O.Scenarios(items=(), roads=(), weights=()),
     "workers": [WORKER, msgspec.structs.replace(WORKER, id="w2", quarantine=EVIL)],
     "tally": O.Tally(lost=1, copied=2, audited=3, wrong=1),
@@ -415,6 +419,8 @@ PARTS = {
     **{part.name: (part, "") for part in job.PARTS},
     "learned": (learned.LEARNED, ""),
     "failures": (failures.PARTS[1], ""),
+    "log": (job_log.PARTS[1], ""),
+    "forecast": (submit.FORECAST, "scenario=i80-10s&ego=%3Cimg&budget=20"),
     "rollouts": (rollouts.PARTS[1], "outcome=collision&low=x&page=2"),
     "risk": (risk.PARTS[1], ""),
     "rollout": (rollout.PARTS[0], ""),
