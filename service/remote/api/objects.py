@@ -5,8 +5,43 @@ from typing import Any, Literal
 import msgspec
 
 from service.analysis.estimated import Estimated
-from service.analysis.failures.playback import Playback
-from service.world.safety.contact import Contact
+from service.remote.api.rollout_objects import CameraPicture, Listing, Rollouts, RolloutView
+
+__all__ = [
+    "OVER",
+    "STATUSES",
+    "About",
+    "CameraPicture",
+    "Course",
+    "Curve",
+    "CurvePoint",
+    "Done",
+    "Ego",
+    "Egos",
+    "Endpoint",
+    "Estimate",
+    "EstimateStep",
+    "Event",
+    "Events",
+    "Health",
+    "Iterations",
+    "Job",
+    "JobScenario",
+    "Jobs",
+    "Listing",
+    "Parameter",
+    "Problem",
+    "RolloutView",
+    "Rollouts",
+    "RunningChunk",
+    "ScenarioEntry",
+    "Scenarios",
+    "SearchStep",
+    "Tally",
+    "Worker",
+    "Workers",
+    "Wrong",
+]
 
 STATUSES = ("running", "paused", "done", "cancelled", "failed", "needs-restart")
 OVER = ("done", "cancelled", "failed", "needs-restart")
@@ -283,85 +318,6 @@ class Events(_Body, frozen=True):
 
     items: tuple[Event, ...]
     next: int | None
-
-
-class Rollouts(_Body, frozen=True):
-    """A page of the rollouts on record, as columns of the same length.
-
-    row: of the batch (phase, iteration)
-    f: null where the rollout failed, for the reason in error
-    worker: who ran it
-    contact: how the ego and another vehicle touched; null: they did not, or, where the outcome is "collision", it was
-        not recorded
-    next: give it as `after` for the next page, null: this was the last
-    """
-
-    phase: tuple[str, ...]
-    iteration: tuple[int, ...]
-    row: tuple[int, ...]
-    f: tuple[float | None, ...]
-    outcome: tuple[str, ...]
-    steps: tuple[int, ...]
-    error: tuple[str | None, ...]
-    worker: tuple[str | None, ...]
-    contact: tuple[Contact | None, ...]
-    next: str | None
-
-
-class Listing(_Body, frozen=True):
-    """Some of the rollouts on record, as columns of the same length. total: on record; found: of them as were asked
-    for; f: null where a rollout failed, and where it is infinite, as nothing was ever on its way to the ego."""
-
-    job: str
-    total: int
-    found: int
-    phase: tuple[str, ...]
-    iteration: tuple[int, ...]
-    row: tuple[int, ...]
-    f: tuple[float | None, ...]
-    outcome: tuple[str, ...]
-
-
-class CameraPicture(_Body, frozen=True):
-    """What the ego's camera saw.
-
-    state: its place among the states of the trace
-    jpeg: the picture, base64
-    """
-
-    state: int
-    time_s: float
-    jpeg: str
-
-
-class RolloutView(_Body, frozen=True):
-    """A rollout, run once more.
-
-    f: on record
-    scenario: text of a scenario file that brings it back to the bit
-    trace: columns of the state of every vehicle at every step
-    playback: what a player needs
-    camera: as many pictures as were asked for
-
-    What was not asked for is null.
-    """
-
-    job: str
-    phase: str
-    iteration: int
-    row: int
-    noise_seed: str
-    f: float | None
-    f_again: float | None
-    same_to_the_bit: bool
-    dangerous: bool
-    outcome: str
-    error: str | None
-    motion: dict[str, Any] | None
-    scenario: str
-    trace: dict[str, list[Any]] | None
-    playback: Playback | None
-    camera: tuple[CameraPicture, ...] | None
 
 
 class Done(_Body, frozen=True):
