@@ -248,7 +248,7 @@ def test_an_estimate_without_events_is_said_as_a_bound():
     none = {"p": 0.0, "ci": [0.0, 0.0074], "confidence": 0.95, "events": 0, "rollouts": {"estimation": 500}}
     assert words.answer(none) == (
         "No such event in 500 rollouts.",
-        "95% interval: at most 0.00740, or one in 140 rollouts.",
+        "95% interval: at most 0.0074, or one in 140 rollouts.",
     )
 
 
