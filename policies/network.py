@@ -59,7 +59,8 @@ def forward(
             used[count] = i
             count += 1
     hidden_1 = np.empty(HIDDEN_1, np.float32)
-    hidden_1[:] = b1
+    for j in range(HIDDEN_1):
+        hidden_1[j] = b1[j]
     _add_products(inputs, used, count, w1, hidden_1)
     count = 0
     for j in range(HIDDEN_1):
@@ -67,7 +68,8 @@ def forward(
             used[count] = j
             count += 1
     hidden_2 = np.empty(HIDDEN_2, np.float32)
-    hidden_2[:] = b2
+    for j in range(HIDDEN_2):
+        hidden_2[j] = b2[j]
     _add_products(hidden_1, used, count, w2, hidden_2)
     for o in range(OUTPUTS):
         outputs[o] = head[HIDDEN_2 * OUTPUTS + o]

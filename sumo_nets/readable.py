@@ -42,7 +42,7 @@ def check_kind(path: Path) -> None:
     try:
         with opened(path) as file:
             _, first = next(iter(ElementTree.iterparse(file, events=("start",))))
-    except (ElementTree.ParseError, StopIteration, UnicodeError) as error:
+    except (ElementTree.ParseError, StopIteration, UnicodeError, LookupError) as error:  # of encodings, too
         raise NetworkError(f"{path} is no XML ({error}); a SUMO network is: give a .net.xml") from error
     except (OSError, EOFError, zlib.error) as error:
         raise NetworkError(f"{path} cannot be read: {error}") from error

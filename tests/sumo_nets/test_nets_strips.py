@@ -156,6 +156,7 @@ REFUSED = {
     "OpenDRIVE": ("<OpenDRIVE/>", "netconvert --opendrive FILE"),
     "unknown": ("<html/>", "a file of <html>, not a SUMO network: run netconvert"),
     "no XML": ("a,b\n1,2\n", "is no XML"),
+    "of an encoding that is none": ('<?xml version="1.0" encoding="TF-8"?><net version="1.20"/>', "is no XML"),
     "empty": ("", "is no XML"),
     "old": (HEAD.replace("1.20", "0.13") + "</net>", r"of version 0\.13, and 1\.0 or newer is needed: netconvert -s"),
     "no lanes": (HEAD + '<edge id="e1" from="a" to="b"/><edge id="e2" from="b" to="c"/></net>', "'e1' has no lanes"),

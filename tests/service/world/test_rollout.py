@@ -341,8 +341,10 @@ def test_background_traffic_changes_what_happens(simulate, make_scenario, draws)
     assert alone != among
 
 
-def test_the_users_own_interrupt_ends_the_run(simulate, make_scenario, draws):
+def test_the_users_own_interrupt_ends_the_run(simulate, make_scenario, draws, request):
     """Told by its signal, which comes while the ego thinks."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # whatever earlier tests have left
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
     scenario = make_scenario(TWO_SECONDS)
     x, noise_seeds = draws(scenario, 2)
     asked = [True]
