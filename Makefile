@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate contacts test check lint docs bench bench-camera calibration calibration-peers guides faults attentive bench-fleet fuzz foreign-clients drivers ego-vision schema example-ego format clean
+.PHONY: help estimate contacts test check lint docs bench bench-camera calibration calibration-peers other-measures guides faults attentive bench-fleet fuzz foreign-clients drivers ego-vision schema example-ego format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
@@ -98,6 +98,12 @@ calibration: $(VENV)/.installed-dev
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench.ce_calibration --keep
 	$(BIN)/python -m tests.bench.ce_which_method
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench.path_calibration --keep
+
+# Criticality measures against commonroad-crime and ad-rss, which want another protobuf: an environment of their own.
+other-measures: $(VENV)/.installed-dev
+	$(PYTHON) -m venv build/other-measures
+	build/other-measures/bin/python -m pip install -q --disable-pip-version-check commonroad-crime==0.4.5 ad-rss==5.0.0
+	TAILROAD_MEASURES_PYTHON=$(CURDIR)/build/other-measures/bin/python $(BIN)/python -m pytest -m long tests/service/analysis/criticality
 
 # OpenTURNS and UQpy on the same problems. UQpy wants an older NumPy: an environment of its own, with what `ce` needs.
 calibration-peers: $(VENV)/.installed-dev

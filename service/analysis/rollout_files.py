@@ -3,6 +3,16 @@
 from abc import ABC, abstractmethod
 from pathlib import Path
 
+FORMATS = {  # what a client may ask for: media type and the file's suffix
+    "scenario": ("application/toml", ".toml"),
+    "fcd": ("application/xml", ".xml"),
+    "mp4": ("video/mp4", ".mp4"),
+    "mcap": ("application/octet-stream", ".mcap"),
+    "table": ("application/vnd.apache.parquet", ".parquet"),
+    "openscenario": ("application/xml", ".xosc"),
+}
+SUFFIXES = {form: suffix for form, (_, suffix) in FORMATS.items()}
+
 
 class RolloutFiles(ABC):
     """A rollout as files: each method runs it again, writes the file and gives back its path."""
@@ -33,4 +43,4 @@ class RolloutFiles(ABC):
 
     @abstractmethod
     def _write(self, form: str, path: str | Path) -> Path:
-        """Run the rollout again and write it in a form of `service.analysis.exports.SUFFIXES`."""
+        """Run the rollout again and write it in a form of `SUFFIXES`."""

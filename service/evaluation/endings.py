@@ -58,12 +58,13 @@ def _kinds(estimate: ce.Estimate, codes: np.ndarray) -> tuple[ContactKind, ...]:
             words: tuple[str, str | None, str | None] = ("sides not recorded", None, None)
         else:
             ego, other = (SIDES[place] for place in divmod(code, len(SIDES)))
-            words = (f"the ego's {_side(ego)}, the other's {_side(other)}", ego, other)
+            words = (f"the ego's {in_words(ego)}, the other's {in_words(other)}", ego, other)
         found.append(ContactKind(*words, *_counted(estimate, codes, code)))
     return tuple(sorted(found, key=lambda kind: (-(kind.p or 0.0), kind.name)))
 
 
-def _side(side: Side) -> str:
+def in_words(side: Side) -> str:
+    """A side of a vehicle, as it stands in a sentence."""
     return side if side in ("front", "rear") else f"{side} side"
 
 

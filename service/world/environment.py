@@ -177,6 +177,8 @@ class TrafficEnv(gymnasium.Env[Any, np.ndarray]):
         if self._monitor is not None:
             self._monitor.reset()
         self._looked_from = (x, drawn)
+        if self._camera is not None:
+            self._camera.begin(x, drawn)
         self._measure(ttc)
         return self._observed(), {"rollout": rollout, "f": self._f}
 
@@ -211,7 +213,7 @@ class TrafficEnv(gymnasium.Env[Any, np.ndarray]):
             from service.world.camera.onboard import OnboardCamera  # its kernels take a moment to load
 
             self._camera = OnboardCamera(self.scenario, self._corridor)
-        self._camera.begin(*self._looked_from)
+            self._camera.begin(*self._looked_from)
         return self._camera.picture(self._world.agents, self._world.count, self._world.ego, self._k)
 
     def physical(self, action: np.ndarray) -> tuple[float, float]:

@@ -11,10 +11,10 @@ from service.analysis.coverage.domain import Domain
 from service.analysis.coverage.objects import Cell, Coverage, Covered, Pair
 from service.analysis.failures.events import events_of
 from service.analysis.failures.examine import Examined, sample_of
+from service.analysis.failures.question import question_of
 from service.analysis.failures.tell import mode_share
 from service.evaluation.record import JobRecord
 from service.world.scenario.base import base_distribution, before_weights
-from service.world.scenario.measures import measure_kind
 from service.world.scenario.noise_mode import without_searched_noise
 
 DRAWS = 10_000  # of P0
@@ -41,12 +41,7 @@ def coverage_of(run: str, record: JobRecord, domain: Domain | None = None) -> Co
     attributes = tuple(_covered(one, examined, domain) for one in numbers)
     pairs, pairs_seen, never = _pairs(numbers, len(seen) > 0)
     return Coverage(
-        run=run,
-        job=job.id,
-        scenario=job.scenario.name,
-        ego=job.ego,
-        gamma=estimate.gamma,
-        unit=measure_kind(job.scenario.safety.measure).unit,
+        **question_of(run, record),
         confidence=estimate.confidence,
         p=estimate.p if estimate.estimation_rollouts else None,
         draws=len(drawn),
@@ -67,9 +62,8 @@ def _of_base(record: JobRecord) -> np.ndarray:
     """Draws of P0, the coordinates before the drivers' weights, (DRAWS, k)."""
     scenario = without_searched_noise(record.job.scenario)  # noise that is searched comes after them
     base, columns = base_distribution(scenario, record.problem.drivers), before_weights(scenario)
-    stream = Stream(
-        base, STREAM, "estimate", 0
-    )  # the drivers' weights, which decide no cell, are left uncorrelated
+    # the drivers' weights, which decide no cell, are left uncorrelated
+    stream = Stream(base, STREAM, "estimate", 0)
     parts = [stream.draw(first, min(first + AT_ONCE, DRAWS), correlated=False)[0][:, :columns].copy()
              for first in range(0, DRAWS, AT_ONCE)]  # fmt: skip
     return np.concatenate(parts)

@@ -8,9 +8,9 @@ from service.analysis.criticality import pair
 from service.analysis.criticality.objects import Critical, Criticality
 from service.analysis.criticality.over_time import TAU_S, over_time
 from service.analysis.failures.events import Events, Order, events_of
+from service.analysis.failures.question import question_of
 from service.analysis.failures.rerun import Rerun, Rerunner
 from service.evaluation.record import JobRecord
-from service.world.scenario.measures import measure_kind
 
 SHOWN = 20
 
@@ -26,14 +26,8 @@ def criticality_of(
     events = events_of(record)
     first = events.ranking(order)[:limit].tolist()
     again = rerunner.run(events.drawn(first), range(len(first)))
-    estimate, job = record.estimate, record.job
     return Criticality(
-        run=run,
-        job=job.id,
-        scenario=job.scenario.name,
-        ego=job.ego,
-        gamma=estimate.gamma,
-        unit=measure_kind(job.scenario.safety.measure).unit,
+        **question_of(run, record),
         order=order,
         events=len(events),
         tau_s=TAU_S,

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from service.analysis.exports.write import SUFFIXES, Exports, write_exports, write_forms
+from service.analysis.exports.write import Exports, write_exports, write_forms
 from service.analysis.failures.rerun import Rerun, rerun
+from service.analysis.rollout_files import SUFFIXES
 from service.errors import InputError, WorkerError
 from service.evaluation.job import Job, Problem
 from service.evaluation.parent import end_with_parent

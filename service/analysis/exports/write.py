@@ -16,16 +16,6 @@ from service.errors import SimulationError
 from service.evaluation.job import Problem
 from service.world.scenario.noise import Noise
 
-FORMATS = {  # what a client may ask for: media type and the file's suffix
-    "scenario": ("application/toml", ".toml"),
-    "fcd": ("application/xml", ".xml"),
-    "mp4": ("video/mp4", ".mp4"),
-    "mcap": ("application/octet-stream", ".mcap"),
-    "table": ("application/vnd.apache.parquet", ".parquet"),
-    "openscenario": ("application/xml", ".xosc"),
-}
-SUFFIXES = {form: suffix for form, (_, suffix) in FORMATS.items()}
-
 
 @dataclass(frozen=True)
 class Exports:

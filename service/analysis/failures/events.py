@@ -52,6 +52,10 @@ class Events:
             raise InputError(f"no order named {order!r}; there are {', '.join(keys)}")
         return np.lexsort((self.rows, self.iterations, keys[order]))
 
+    def ranks(self, order: Order) -> dict[int, int]:
+        """The rank of each position in an order of `ranking`, from 1 on."""
+        return {position: rank for rank, position in enumerate(self.ranking(order).tolist(), start=1)}
+
     def drawn(self, positions: Iterable[int]) -> list[tuple[np.ndarray, Noise]]:
         """x (d,) and noise of some of them, drawn again just as their batches were."""
         keys = [(int(self.iterations[i]), int(self.rows[i])) for i in positions]

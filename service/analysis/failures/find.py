@@ -7,10 +7,10 @@ import ce
 from service.analysis.failures.events import Events, Order, events_of
 from service.analysis.failures.examine import EXAMINED, Examined, Watch, examine, look_away, modes_by_position
 from service.analysis.failures.objects import Failures
+from service.analysis.failures.question import question_of
 from service.analysis.failures.rerun import Rerunner
 from service.analysis.failures.tell import failure_of, same_bits, sample_causes, sample_modes
 from service.evaluation.record import JobRecord
-from service.world.scenario.measures import measure_kind
 
 
 @dataclass(frozen=True)
@@ -43,20 +43,15 @@ def find_failures(
     folder: where to remember what was run again; the rest as in `examine`
     """
     events = events_of(record)
-    ranking = events.ranking(order).tolist()
-    rank = {position: i for i, position in enumerate(ranking, start=1)}
+    rank = events.ranks(order)
+    ranking = list(rank)
     examined = examine(events, rerunner, ranking[:limit], most, (), folder, watch)
     (modes,) = modes_by_position([examined])
     job, estimate = record.job, record.estimate
     failures = Failures(
-        run=run,
-        job=job.id,
-        scenario=job.scenario.name,
-        ego=job.ego,
+        **question_of(run, record),
         method=job.method,
-        gamma=estimate.gamma if record.outcome is None else job.gamma,
         outcome=record.outcome or "",
-        unit=measure_kind(record.job.scenario.safety.measure).unit,
         confidence=estimate.confidence,
         p=estimate.p if estimate.estimation_rollouts else None,
         ci=estimate.ci,

@@ -11,7 +11,8 @@ import numpy as np
 
 from service.analysis.failures.motion import Motion
 from service.analysis.trace import Trace
-from service.world.safety.contact import Contact, Side
+from service.evaluation.endings import in_words
+from service.world.safety.contact import Contact
 from service.world.scenario.base import causes
 from service.world.scenario.causes import GLANCE_ONSET_S, REACTION_S
 from service.world.scenario.schema import Scenario
@@ -117,15 +118,11 @@ def _ego(motion: Motion) -> str:
 
 def _touching(contact: Contact) -> str:
     """Who came into whose side, at what relative speed; a front runs, a side comes."""
-    mine, theirs = _side(contact.ego_side), _side(contact.other_side)
+    mine, theirs = in_words(contact.ego_side), in_words(contact.other_side)
     speed = f"at {contact.speed_mps:.1f} m/s"
     if contact.striking == "ego":
         return f", and the ego {'runs' if contact.ego_side == 'front' else 'comes'} into its {theirs} {speed}"
     return f", and {'runs' if contact.other_side == 'front' else 'comes'} into the ego's {mine} {speed}"
-
-
-def _side(side: Side) -> str:
-    return side if side in ("front", "rear") else f"{side} side"
 
 
 def _closing(motion: Motion) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 
 from service.analysis.failures.playback import Playback, RoadLine, Track
 from service.analysis.trace import Trace
+from service.evaluation.endings import in_words
 from service.world import agents as A
 from service.world.scenario.measures import measure_kind
 from service.world.sensors.lidar import beam_directions, scan
@@ -75,7 +76,7 @@ def contact_words(trace: Trace) -> str:
     known = contact.other < len(trace.names)
     other = trace.names[contact.other] if known else "background traffic"
     sides = " and ".join(
-        f"{whose} {side if side in ('front', 'rear') else f'{side} side'}"
+        f"{whose} {in_words(side)}"
         for whose, side in (("the ego's", contact.ego_side), ("its", contact.other_side))
     )
     return f"contact with {other}, impact {contact.speed_mps:.1f} m/s, {sides}"

@@ -19,13 +19,13 @@ from service.analysis.failures.examine import (
     sample_of,
 )
 from service.analysis.failures.find import notes_on
+from service.analysis.failures.question import question_of
 from service.analysis.failures.rerun import Rerun
 from service.analysis.failures.tell import mode_p, mode_share, same_bits, share_within
 from service.analysis.prevention.conflict import Conflict, Conflicts
 from service.analysis.prevention.objects import ByReference, Driven, OfMode, Part, Prevented, Prevention
 from service.analysis.prevention.onset import BRIDGED_S, TTC_S
 from service.evaluation.record import JobRecord
-from service.world.scenario.measures import measure_kind
 from service.world.sim.rollout import Rollout
 
 DEFAULT = ("r157-cc", "r157-5.2.5.2", "fsm")
@@ -66,17 +66,11 @@ def prevent(
         )
     examined = Examined(events, sample, {i: _rerun(one) for i, one in looked.items()})
     (modes,) = modes_by_position([examined])
-    ranking = events.ranking(order).tolist()
-    rank = {position: i for i, position in enumerate(ranking, start=1)}
+    rank = events.ranks(order)
     job, estimate = record.job, record.estimate
     return Prevention(
-        run=run,
-        job=job.id,
-        scenario=job.scenario.name,
-        ego=job.ego,
+        **question_of(run, record),
         method=job.method,
-        gamma=estimate.gamma,
-        unit=measure_kind(job.scenario.safety.measure).unit,
         confidence=estimate.confidence,
         p=estimate.p if estimate.estimation_rollouts else None,
         ci=estimate.ci,

@@ -91,7 +91,7 @@ def severity_of_run(
     record, _ = record_of(run, job)
     masses_of(record.job.scenario, masses)  # wrong ones are told before anything is run
     with Rerunner(record.job, workers or core_count()) as rerunner:
-        examined = examine_severity(events_of(record), rerunner, order, most, run, watch)
+        examined = examine_severity(events_of(record), rerunner, order, most, run, watch, masses)
     return severity_of(run.name, examined, order, speeds_mps, masses)
 
 

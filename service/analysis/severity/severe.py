@@ -10,6 +10,7 @@ import numpy as np
 from service.analysis.failures.events import Events, Order
 from service.analysis.failures.examine import Examined, Watch, examine, look_away, modes_by_position
 from service.analysis.failures.find import notes_on
+from service.analysis.failures.question import question_of
 from service.analysis.failures.rerun import Rerunner
 from service.analysis.failures.shares import mean_interval
 from service.analysis.failures.tell import mean_p, mode_p, mode_share
@@ -17,7 +18,7 @@ from service.analysis.severity.harm import Harm, harms_of
 from service.analysis.severity.masses import CLASSES, class_of, masses_of
 from service.analysis.severity.objects import AtLeast, Injury, Likely, Severe, Severity
 from service.world.safety.contact import Contact
-from service.world.scenario.measures import IMPACT, measure_kind
+from service.world.scenario.measures import IMPACT
 
 SPEEDS_MPS = (5.0, 10.0)
 LISTED = 20
@@ -58,16 +59,11 @@ def severity_of(
     is_hit = delta_v >= 0.0
     again = [i for i in sample if i in examined.reruns]
     (modes,) = modes_by_position([replace(examined, sample=np.array(again, dtype=np.int64))])
-    rank = {position: n for n, position in enumerate(events.ranking(order).tolist(), start=1)}
+    rank = events.ranks(order)
     severest = [i for i in _severest(hits, rank) if i in examined.reruns][:listed]
     return Severity(
-        run=run,
-        job=job.id,
-        scenario=job.scenario.name,
-        ego=job.ego,
+        **question_of(run, record),
         method=job.method,
-        gamma=estimate.gamma,
-        unit=measure_kind(job.scenario.safety.measure).unit,
         confidence=estimate.confidence,
         order=order,
         events=len(events),
@@ -91,16 +87,17 @@ def examine_severity(
     most: int = LISTED,
     folder: Path | None = None,
     watch: Watch = look_away,
+    masses: Mapping[str, float] | None = None,
 ) -> Examined:
-    """What `severity_of` needs. Of a record with contacts: all dangerous rollouts, only the severest of them run again,
-    for what led up to them; of an older one a sample of `most`, run again."""
+    """What `severity_of` needs, for the same order and masses. Of a record with contacts: all dangerous rollouts, only
+    the severest of them run again, for what led up to them; of an older one a sample of `most`, run again."""
     record = events.record
     if not record.contacts_recorded:
         return examine(events, rerunner, most=most, folder=folder, watch=watch)
-    weigh = masses_of(record.job.scenario)
+    weigh = masses_of(record.job.scenario, masses)
     whole = Examined(events, np.arange(len(events)), {})
     hits = _hits(whole, weigh, weigh[record.job.scenario.vehicles[record.job.scenario.ego].name])
-    rank = {position: n for n, position in enumerate(events.ranking(order).tolist(), start=1)}
+    rank = events.ranks(order)
     listed = _severest(hits, rank)[: min(LISTED, most)]
     return replace(whole, reruns=examine(events, rerunner, listed, 0, (), folder, watch).reruns)
 

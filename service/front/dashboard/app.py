@@ -14,6 +14,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 
+from service.analysis.rollout_files import SUFFIXES
 from service.front.dashboard.files import Files
 from service.front.dashboard.forms import local_path, sent
 from service.front.dashboard.guard import Guard
@@ -111,7 +112,10 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
 
     async def rollout_page(request: Request) -> Response:
         asked = rollout.Asked(request)
-        values = await known_job(request) | {"asked": asked, "formats": rollout.FORMATS}
+        values = await known_job(request) | {
+            "asked": asked,
+            "formats": {form: (SUFFIXES[form], said) for form, said in rollout.SAID.items()},
+        }
         return await site.page(request, "rollout.html", rollout.PARTS, values)
 
     async def submit_page(request: Request) -> Response:

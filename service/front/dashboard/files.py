@@ -11,6 +11,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
 
+from service.analysis.rollout_files import FORMATS
 from service.front.dashboard.pages import rollout
 from service.front.dashboard.site import Site
 from service.front.dashboard.trouble import PASSING, trouble_of
@@ -20,13 +21,6 @@ T = TypeVar("T")
 PATIENCE_S = 600.0  # that a download waits until it is made
 PAUSE_S = 1.0
 SANDBOX = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"  # of a report that is opened in place
-MEDIA = {
-    "toml": "application/toml",
-    "xml": "application/xml",
-    "mp4": "video/mp4",
-    "mcap": "application/octet-stream",
-    "xosc": "application/xml",
-}
 
 
 class Files:
@@ -43,18 +37,18 @@ class Files:
 
     async def export(self, request: Request) -> Response:
         asked, form = rollout.Asked(request), request.path_params["form"]
-        if form not in rollout.FORMATS:
+        if form not in FORMATS:
             raise HTTPException(404)
-        ending = rollout.FORMATS[form][0]
+        media, suffix = FORMATS[form]
         body = await self._patiently(
             lambda client: client.export(asked.job, asked.row, form, asked.phase, asked.iteration)
         )
-        return _download(body, f"{asked.job}-{asked.row}.{ending}", MEDIA[ending])
+        return _download(body, f"{asked.job}-{asked.row}{suffix}", media)
 
     async def scenario(self, request: Request) -> Response:
         job = request.path_params["job"]
         found = await self._patiently(lambda client: client.scenario(job))
-        return _download(found.text.encode(), f"{found.name}.toml", MEDIA["toml"])
+        return _download(found.text.encode(), f"{found.name}.toml", FORMATS["scenario"][0])
 
     async def report(self, request: Request) -> Response:
         job = request.path_params["job"]

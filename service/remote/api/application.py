@@ -83,14 +83,15 @@ class Application:
             if payload is not None and len(payload) > self.limits.body_bytes:
                 text = f"a body of {len(payload)} bytes; this service takes at most {self.limits.body_bytes}"
                 raise ApiError("too-large", text)
-            if (name := _of_read(key).removeprefix("schemas/")) != _of_read(key):
+            own = key.removeprefix(f"{routes.READ}/")
+            if (name := own.removeprefix("schemas/")) != own:
                 action = "schema"
                 answer = Answer(200, self._schema(name))
             else:
-                route, names = routes.find(_of_read(key), bool(payload))
+                route, names = routes.find(own, bool(payload))
                 action = route.action
                 if route.order:
-                    answer = self._ordered(key, route, names, parameters, payload, who)
+                    answer = self._ordered(own, own != key, route, names, parameters, payload, who)
                 else:
                     answer = self._encoded(self._do(route, names, parameters, payload))
         except Exception as error:
@@ -142,20 +143,23 @@ class Application:
     def _ordered(
         self,
         key: str,
+        reads: bool,
         route: routes.Route,
         names: dict[str, str],
         parameters: str,
         payload: bytes | None,
         who: str,
     ) -> Answer:
-        """The answer to something that is to be done, which is written down with who wanted it."""
+        """The answer to something that is to be done, which is written down with who wanted it.
+
+        reads: whether a reader asks, who may not
+        """
         with self._orders.written(who, route.action, names.get("job", "")) as order:
-            if _of_read(key) != key:
-                below = short(_of_read(key))
+            if reads:
                 raise ApiError(
                     "forbidden",
                     f"the read-only role may not {route.action}: {routes.PREFIX}/{routes.READ} takes no orders; use "
-                    f"the keys of a client, and {routes.PREFIX}/{below}",
+                    f"the keys of a client, and {routes.PREFIX}/{short(key)}",
                 )
             if route.body is None:
                 return self._encoded(self._do(route, names, parameters, payload))
@@ -181,8 +185,3 @@ class Application:
             raise ApiError(
                 "too-many-requests", f"try again in {wait_s:.2g} s", retry_after_s=round(wait_s, 3)
             )
-
-
-def _of_read(key: str) -> str:
-    """The key without what a reader asks below."""
-    return key.removeprefix(f"{routes.READ}/")

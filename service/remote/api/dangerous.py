@@ -38,7 +38,7 @@ class DangerousAnswers:
 
     def failures(self, asked: AskFailures, job: str) -> Failures:
         state = self._records.state(job)
-        most = min(asked.examine or self._limits.examine, self._limits.examine)
+        most = self._limits.examined(asked.examine)
 
         def compute() -> Failures:
             record = self._records.record(state, None, asked.outcome)

@@ -51,6 +51,10 @@ class Limits:
     compared: int = 6
     answer_bytes: int = 64_000_000
 
+    def examined(self, asked: int | None) -> int:
+        """Dangerous rollouts that are run again where so many were asked for; None: as many as may be."""
+        return min(asked or self.examine, self.examine)
+
 
 class Bucket:
     """Lets `rate` a second through, up to `burst` seconds' worth at once."""

@@ -11,10 +11,8 @@ from service.remote.api.limits import Bucket
 from service.remote.api.problems import problem_of
 from service.remote.fleet.service import Fleet
 
-REFUSALS_PER_S, REFUSALS_BURST_S = (
-    1.0,
-    100.0,
-)  # written down; more are left out, so that nobody fills the database
+# written down; more are left out, so that nobody fills the database
+REFUSALS_PER_S, REFUSALS_BURST_S = 1.0, 100.0
 LONGEST = 500  # characters of a refusal
 
 log = logging.getLogger("tailroad.api")

@@ -27,7 +27,7 @@ class VerdictAnswers:
 
     def severity(self, asked: AskSeverity, job: str) -> Severity:
         state = self._records.state(job)
-        most = self._most(asked.examine)
+        most = self._limits.examined(asked.examine)
 
         def compute() -> Severity:
             record = self._records.record(state)
@@ -39,7 +39,7 @@ class VerdictAnswers:
 
     def prevention(self, asked: AskPrevention, job: str) -> Prevention:
         state = self._records.state(job)
-        most = self._most(asked.examine)
+        most = self._limits.examined(asked.examine)
         references = DEFAULT if asked.reference is None else (asked.reference,)
         ttc_s = TTC_S if asked.onset_ttc_s is None else asked.onset_ttc_s
 
@@ -59,6 +59,3 @@ class VerdictAnswers:
             return msgspec.structs.replace(coverage_of(job, self._records.record(state)), job=job)
 
         return self._background.get(("coverage", state), compute)
-
-    def _most(self, examine: int | None) -> int:
-        return min(examine or self._limits.examine, self._limits.examine)

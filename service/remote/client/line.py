@@ -55,18 +55,16 @@ class Line:
         self._about = about
         self._lock = threading.Lock()
         self._open: zenoh.Session | None = None
-        self._source: zenoh.SourceInfo | None = (
-            None  # queries say which session they are of, by any entity of it
-        )
+        # queries say which session they are of, by any entity of it
+        self._source: zenoh.SourceInfo | None = None
         self._heard = float("-inf")  # when an answer came last
 
     def ask(self, selector: str, payload: bytes | None = None) -> tuple[bool, bytes]:
         """Whether it is an answer and not a problem, and the JSON; NoAnswer where none came."""
         session = self._session()
         if payload is not None and time.monotonic() - self._heard > QUIET_S:
-            self._asked(
-                session, self._about, None
-            )  # an order is given once, so over a line that is known to live
+            # an order is given once, so over a line that is known to live
+            self._asked(session, self._about, None)
         found = self._asked(session, selector, payload)
         self._heard = time.monotonic()
         return found

@@ -4,7 +4,9 @@ commonroad-crime wants protobuf 3.20.2 and cannot be installed beside tailroad; 
 
     python3.11 -m venv other && other/bin/pip install commonroad-crime==0.4.5 ad-rss==5.0.0
     other/bin/python tests/reference/other_measures/ask.py > tests/reference/other_measures/answers.json
-    TAILROAD_MEASURES_PYTHON=other/bin/python pytest tests/service/analysis/criticality
+    TAILROAD_MEASURES_PYTHON=other/bin/python pytest -m long tests/service/analysis/criticality
+
+`make other-measures` does the first and the last.
 """
 
 import json
@@ -19,13 +21,8 @@ from commonroad_crime.utility.solver import solver_wttc
 LENGTH_M = 4.5
 WIDTH_M = LENGTH_M * math.sqrt(8.0) / 3.0  # its circles have half the length for a radius then
 WTTC = ((20.0, 10.0, 8.0), (6.0, -2.0, 11.5), (40.0, 0.0, 3.0), (3.0, 5.0, 8.0))  # gap m, closing m/s, m/s^2
-RSS = (
-    (20.0, 10.0),
-    (15.0, 15.0),
-    (30.0, 0.0),
-    (5.0, 30.0),
-    (25.0, 24.0),
-)  # m/s of the one behind and the one ahead
+# m/s of the one behind and the one ahead
+RSS = ((20.0, 10.0), (15.0, 15.0), (30.0, 0.0), (5.0, 30.0), (25.0, 24.0))
 
 
 def vehicle(x: float, speed: float) -> SimpleNamespace:

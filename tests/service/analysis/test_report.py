@@ -258,9 +258,8 @@ def test_an_unfinished_job_counts_as_far_as_its_record_goes(scenario, tmp_path, 
     with RunDirectory.create(tmp_path / "half", (job,)) as store:
         fill(store, job, chunks=chunks)
         (facts,) = facts_of(store.path.name, [replay(store, job)], Findings(), NOW)["jobs"]
-    estimating = (
-        250 if chunks == 7 else 0
-    )  # the first rows of the estimation batch count before it is complete
+    # the first rows of the estimation batch count before it is complete
+    estimating = 250 if chunks == 7 else 0
     assert not facts["finished"]
     assert (facts["p"] is not None) == bool(estimating)
     assert len(facts["training"]) == chunks // 2

@@ -18,13 +18,13 @@ from service.remote.client import Client
 
 CAMERA_PICTURES = 24
 FAR = 6.0  # times the threshold (or 0.5), above which the safety measure is not drawn
-FORMATS = {
-    "scenario": ("toml", "Scenario file that brings it back to the bit"),
-    "fcd": ("xml", "SUMO floating-car data"),
-    "mp4": ("mp4", "Film"),
-    "table": ("parquet", "Every vehicle at every step, as a table (Parquet)"),
-    "openscenario": ("xosc", "ASAM OpenSCENARIO 1.3, each vehicle on its trajectory"),
-    "mcap": ("mcap", "MCAP recording for Foxglove and others"),
+SAID = {
+    "scenario": "Scenario file that brings it back to the bit",
+    "fcd": "SUMO floating-car data",
+    "mp4": "Film",
+    "table": "Every vehicle at every step, as a table (Parquet)",
+    "openscenario": "ASAM OpenSCENARIO 1.3, each vehicle on its trajectory",
+    "mcap": "MCAP recording for Foxglove and others",
 }
 
 
