@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate contacts test check lint docs bench bench-camera calibration calibration-peers other-measures guides faults attentive bench-fleet fuzz foreign-clients drivers ego-vision schema example-ego format clean
+.PHONY: help estimate contacts test check lint docs bench bench-camera calibration calibration-peers other-measures guides faults attentive bench-fleet fuzz foreign-clients drivers ego-vision schema example-ego pins format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
@@ -26,6 +26,7 @@ help:
 	@echo "make ego-vision  train the shipped vision ego again, with its card (an hour on one core; needs no data)"
 	@echo "make schema     make the Python code of the egos' messages anew"
 	@echo "make example-ego  build the example ego in Rust and drive with it (minutes; needs cargo)"
+	@echo "make pins       hashes of what the image installs, its bill of materials and the licences, made anew"
 	@echo "make format     put the sources into their form"
 
 # The search is kept near the base (--max-kl) and to the starts (--mean-box): with 20,000 rollouts the paper's own settings
@@ -142,6 +143,14 @@ example-ego: $(VENV)/.installed-dev
 # The Python code of the messages that egos on the network exchange.
 schema: $(VENV)/.installed-dev
 	$(BIN)/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. service/world/egos/ego.proto
+
+# What the image installs, to the byte: every file's hash; its bill of materials; the page of licences. After any change of a
+# dependency. No index is named in them.
+pins: $(VENV)/.installed-dev
+	$(BIN)/uv pip compile -q --no-config pyproject.toml --extra postgres -c constraints.txt --generate-hashes --no-header --no-annotate \
+	  --python $(BIN)/python --python-platform x86_64-manylinux_2_28 -o deploy/container/requirements.txt
+	$(BIN)/python -m docs.site.licences
+	$(BIN)/python -m docs.site.bill_of_materials
 
 format: $(VENV)/.installed-dev
 	$(BIN)/ruff format .

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import re
 import tomllib
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from email.message import Message
 from importlib.metadata import Distribution, distribution
 from typing import cast
@@ -62,19 +63,26 @@ package's `*.dist-info` folder.
 
 @dataclass(frozen=True)
 class Package:
-    """A package that is there at run time."""
+    """A package that is there at run time.
+
+    needs: names of others that it asks for
+    """
 
     name: str
     version: str
     licence: str
+    needs: frozenset[str]
+
+
+def own_requirements() -> list[str]:
+    """What tailroad itself needs in the image."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    return [*project["dependencies"], *(r for e in IN_THE_IMAGE for r in project["optional-dependencies"][e])]
 
 
 def packages() -> list[Package]:
     """What an installation with the image's extras brings along, by name."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    waiting = list(project["dependencies"])
-    for extra in IN_THE_IMAGE:
-        waiting += project["optional-dependencies"][extra]
+    waiting = own_requirements()
     found: dict[str, Package] = {}
     while waiting:
         need = Requirement(waiting.pop())
@@ -82,13 +90,19 @@ def packages() -> list[Package]:
         if need.marker and not any(need.marker.evaluate({"extra": e}) for e in ("", *need.extras)):
             continue
         there = distribution(need.name)
+        further = [_without_extra(r) for r in there.requires or () if any(_is_for(r, e) for e in need.extras)]
         if name not in found:
-            found[name] = Package(name, there.version, licence_of(there))
-            waiting += [r for r in there.requires or () if "extra ==" not in r]
-        waiting += [
-            _without_extra(r) for r in there.requires or () if any(_is_for(r, e) for e in need.extras)
-        ]
+            found[name] = Package(name, there.version, licence_of(there), frozenset())
+            further += [r for r in there.requires or () if "extra ==" not in r]
+        one = found[name]
+        found[name] = replace(one, needs=one.needs | names_of(further))
+        waiting += further
     return sorted(found.values(), key=lambda p: p.name)
+
+
+def names_of(requirements: Iterable[str]) -> frozenset[str]:
+    """The names of packages that requirements are of, as the package index writes them."""
+    return frozenset(_canonical(Requirement(r).name) for r in requirements)
 
 
 def _canonical(name: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -9,8 +10,10 @@ import tomllib
 
 import pytest
 import yaml
+from cyclonedx.schema import SchemaVersion
+from cyclonedx.validation.json import JsonStrictValidator
 
-from docs.site import licences
+from docs.site import bill_of_materials, licences
 from docs.site.gather import ROOT
 
 VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
@@ -38,6 +41,29 @@ def test_the_licence_of_everything_that_is_installed_stands_on_the_page():
             f"{package.name}: run `python -m docs.site.licences`"
         )
     assert "EPL-2.0" in on_the_page["libsumo"]
+
+
+def test_the_bill_of_materials_is_of_what_is_installed_and_valid():
+    text = bill_of_materials.FILE.read_text(encoding="utf-8")
+    assert text == bill_of_materials.bill(), "run `make pins`"
+    assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(text) is None
+    bill = json.loads(text)
+    (ours,) = (d for d in bill["dependencies"] if d["ref"] == bill["metadata"]["component"]["bom-ref"])
+    assert any(ref.startswith("pkg:pypi/libsumo@") for ref in ours["dependsOn"])
+
+
+def test_the_image_installs_what_is_tested_and_nothing_without_a_hash():
+    text = (ROOT / "deploy" / "container" / "requirements.txt").read_text(encoding="utf-8")
+    pinned = dict(
+        re.findall(r"^([\w.-]+)(?:\[[\w,]+\])?==(\S+) \\\n    --hash=sha256:[0-9a-f]{64}", text, re.M)
+    )
+    assert pinned == {one.name: one.version for one in licences.packages()}, "run `make pins`"
+    others = [
+        line
+        for line in text.splitlines()
+        if not re.fullmatch(r"    --hash=sha256:[0-9a-f]{64}(?: \\)?", line)
+    ]
+    assert len(others) == len(pinned)  # no address of an index, nothing that pip would take from elsewhere
 
 
 class Unsaid:
