@@ -17,16 +17,15 @@ OURS = (
     "file of 18 numbers a line"
 )
 TEXT_COLUMNS = 18
+DLR_TABLE = "trajectories_"  # the one of DLR's tables that holds vehicles
 # what gives a table away, in lower case without blanks: names that its header must have, and what it is
 KNOWN = (
     ({"xloc-kf", "yloc-kf"}, "a TGSIM table"),
     ({"xloc_kf", "yloc_kf"}, "a TGSIM table"),
     ({"timestep_time"}, "SUMO's output as a table"),
-    ({"frame", "id", "xvelocity", "precedingid"}, "a highD table"),
-    ({"trackid", "xcenter", "ycenter"}, "a table of exiD, inD or rounD"),
+    ({"trackid", "xcenter", "ycenter"}, "a table of inD or rounD, or an exiD table without its speeds"),
     ({"track_id", "frame_id", "agent_type"}, "an INTERACTION table"),
     ({"timestamp_ms", "psi_rad"}, "an INTERACTION table"),
-    ({"timestamp", "id", "easting", "northing"}, "a table of DLR's traffic data sets"),
     ({"space_headway", "local_y"}, "a table like NGSIM's"),
 )
 
@@ -45,6 +44,8 @@ def unpacked(path: Path, work: Path) -> Path:
                     m for m in archive.infolist()
                     if Path(m.filename).suffix.lower() in TABLES and "__MACOSX" not in m.filename
                 ]  # fmt: skip
+                tracks = [m for m in found if Path(m.filename).name.startswith(DLR_TABLE)]
+                found = tracks if len(tracks) == 1 else found
                 if len(found) != 1:
                     names = ", ".join(m.filename for m in found[:5]) or "none"
                     kind = "a spreadsheet or other archive" if path.suffix.lower() != ".zip" else "a zip file"

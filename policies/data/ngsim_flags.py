@@ -18,12 +18,15 @@ OFFSET_CELL_M = 20.0
 OFFSET_VEHICLES = 20  # a lane's centre is taken from a cell that at least so many vehicles passed
 
 
-def finish(table: pl.DataFrame, complete: bool = False) -> pl.DataFrame:
+def finish(table: pl.DataFrame, complete: bool = False, fastest_mps: float = SPEED_MPS[1]) -> pl.DataFrame:
     """One recording in SCHEMA, sorted by vehicle and frame, from the columns that its source has (in metres).
 
     complete: every vehicle of the road is recorded, so that the vehicle ahead can be found where the source does not
         name it
+    fastest_mps: a speed beyond it is flagged
     """
+    if "interpolated" not in table.columns:
+        table = table.with_columns(pl.lit(0.0).alias("interpolated"))
     missing = [pl.lit(None, dtype=kind).alias(n) for n, kind in SCHEMA.items() if n not in table.columns]
     table = table.with_columns(missing)
     table = table.with_columns(pl.col(n).cast(kind) for n, kind in SCHEMA.items()).with_columns(
@@ -35,7 +38,7 @@ def finish(table: pl.DataFrame, complete: bool = False) -> pl.DataFrame:
     table = _gaps(table)
     if table["lane_offset_m"].null_count() == table.height:
         table = _offsets(table)
-    return _flagged(table).select(list(SCHEMA))
+    return _flagged(table, fastest_mps).select(list(SCHEMA))
 
 
 def _bumpers(table: pl.DataFrame) -> pl.DataFrame:
@@ -107,7 +110,7 @@ def _offsets(table: pl.DataFrame) -> pl.DataFrame:
     ).drop("_cell", "_centre", "_vehicles")
 
 
-def _flagged(table: pl.DataFrame) -> pl.DataFrame:
+def _flagged(table: pl.DataFrame, fastest_mps: float) -> pl.DataFrame:
     """`flags` of a table sorted by vehicle and frame."""
     point = pl.coalesce("x_front_m", "x_m", "x_rear_m")
     step, frames = (c.diff().over("vehicle_id") for c in (point, pl.col("frame")))
@@ -119,13 +122,14 @@ def _flagged(table: pl.DataFrame) -> pl.DataFrame:
         "frame_gap": frames > 1,
         "backward_step": step < -BACKWARD_M,
         "jump": step.abs() > JUMP_M * apart,
-        "speed_limit": ~speed.is_between(*SPEED_MPS),
+        "speed_limit": ~speed.is_between(SPEED_MPS[0], fastest_mps),
         "accel_limit": ~accel.is_between(*ACCEL_MPS2),
         "accel_clipped": (accel.abs() - CLIP_MPS2).abs() < CLIP_TOLERANCE_MPS2,
         "overlap": pl.col("gap_m") < 0.0,
         "bad_lane": ~pl.col("lane").is_between(*LANES),
         "bad_size": ~pl.col("length_m").is_between(*LENGTH_M) | ~pl.col("width_m").is_between(*WIDTH_M),
         "clock": (start - start.median()).abs() > CLOCK_S,
+        "interpolated": pl.col("interpolated") > 0.0,
     }
     bits = [
         test.fill_null(False).cast(pl.Int64) * FLAGS[name][0]  # type: ignore[attr-defined]

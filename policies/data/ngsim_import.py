@@ -17,8 +17,10 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from policies.data import motorways
 from policies.data.coarse_clock import coarse_locations, periods, told
 from policies.data.file_kinds import refuse_foreign, unpacked
+from policies.data.motorways.road_line import RoadLine
 from policies.data.ngsim_flags import finish
 from policies.data.ngsim_pack import class_name, read_pack
 from policies.data.ngsim_schema import DT_S, FLAGS, METRES_PER_FOOT, SCHEMA, FormatError
@@ -28,6 +30,7 @@ SAME_RECORDING_S = 60.0
 MOST_RECORDINGS = 200  # of a location; a file with more has no clock to go by, and stays one recording
 NO_HEADWAY = 9999.0  # NGSIM writes 9999.99 (and 0) for "none"
 FEET_FROM = 8.0  # cars' median length: 14.5 in feet, 4.4 in metres
+ROAD_EVERY_M = 10
 PERCENTILES = (1, 5, 25, 50, 75, 95, 99)
 
 
@@ -46,14 +49,16 @@ def import_file(path: Path, out: Path, units: str = "auto") -> dict[str, Any]:
     try:
         try:
             notes: list[str] = []
-            source, detected, recordings = _recordings(unpacked(path, work), work, units, notes)
+            lines: dict[str, RoadLine] = {}
+            source, detected, recordings = _recordings(unpacked(path, work), work, units, notes, lines)
             summaries = [_stage(table, work / "done", i) for i, table in enumerate(recordings)]
         except FormatError as error:  # of a file that was unpacked, by the name it was given by
-            raise FormatError(path, error.found, error.expected, error.line, error.column) from error
+            given = path if Path(str(error.path)).is_relative_to(work) else error.path
+            raise FormatError(given, error.found, error.expected, error.line, error.column) from error
         except (pl.exceptions.PolarsError, OSError) as error:
             raise FormatError(path, f"a file that cannot be read ({error})", "a readable file") from error
         whole = pl.scan_parquet(work / "done" / "*.parquet")
-        report = _report(path, source, detected, whole, summaries) | {"notes": notes}
+        report = _report(path, source, detected, whole, summaries) | {"notes": notes, "roads": _roads(lines)}
         whole.sink_parquet(work / "table.parquet", compression="zstd")
         (work / "report.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
         os.replace(work / "table.parquet", out / f"{name}.parquet")
@@ -64,15 +69,23 @@ def import_file(path: Path, out: Path, units: str = "auto") -> dict[str, Any]:
 
 
 def _recordings(
-    path: Path, work: Path, units: str, notes: list[str]
+    path: Path, work: Path, units: str, notes: list[str], lines: dict[str, RoadLine]
 ) -> tuple[str, str, Iterator[pl.DataFrame]]:
-    """The layout, the units found, and finished tables, one a recording; what there is to say is added to `notes`."""
+    """The layout, the units found, and finished tables, one a recording.
+
+    What there is to say is added to `notes`; roads in the plane, as the tables are taken, to `lines`.
+    """
     with open(path, "rb") as file:
         start = file.read(4)
     if start == b"PAR1" or path.suffix == ".parquet":
         source, tables = read_pack(path)
         feet = source in ("coifman", "jiang")
         return source, "feet" if feet else "metres", tables
+    published = motorways.layout(path)
+    if published is not None:
+        read = motorways.read(path, published)
+        read.lines = lines
+        return published, "feet" if published == "i24-motion" else "metres", read.tables
     as_csv = is_csv(path)
     source = "ngsim-csv" if as_csv else "ngsim-text"
     if not as_csv:
@@ -84,6 +97,16 @@ def _recordings(
     staged = pl.scan_parquet(raw / "*.parquet")
     detected = _units(staged) if units == "auto" else units
     return source, detected, _split(path, staged, source, detected, notes)
+
+
+def _roads(lines: dict[str, RoadLine]) -> dict[str, Any]:
+    """The roads in the plane, by site, every ROAD_EVERY_M: what `tailroad data motorway` builds networks from."""
+    found = {}
+    for site, line in lines.items():
+        x, y, heading, _ = (np.round(values[::ROAD_EVERY_M], 4).tolist() for values in line.curve)
+        lanes = np.round(line.lanes_m, 3).tolist()
+        found[site] = {"x_m": x, "y_m": y, "heading_rad": heading, "lanes_left_m": lanes}
+    return found
 
 
 def _plain(block: pl.DataFrame, location: str) -> pl.DataFrame:

@@ -74,6 +74,10 @@ LAYOUTS = {
     "vineet": "followers of pairs, portal columns in metres; position = front bumper",
     "i80-scene": "complete scene, metres; position = front bumper; estimated length, no width",
     "us101-scene": "complete scenes, metres; position = centre",
+    "dlr-highway": "DLR Highway Traffic (A39), UTM metres at 20 Hz; position = centre; lanes told from the tracks",
+    "exid": "exiD, metres at 25 Hz; position = centre; lanes told from the tracks, none on ramps",
+    "highd": "highD, metres at 25 Hz; position = centre of the box; lanes by the recording's lines",
+    "i24-motion": "I-24 MOTION, feet at 25 Hz; position = rear bumper; lanes of 12 feet from the yellow line",
 }
 
 # name -> (bit, meaning)
@@ -82,13 +86,14 @@ FLAGS = {
     "frame_gap": (2, "frames are missing between the vehicle's previous row and this one"),
     "backward_step": (4, "more than 0.05 m further back than in the previous frame"),
     "jump": (8, "more than 7 m a frame (70 m/s) from the vehicle's previous position"),
-    "speed_limit": (16, "speed below 0 or above 45 m/s"),
+    "speed_limit": (16, "speed below 0, or above 45 m/s (70 m/s in layouts of motorways)"),
     "accel_limit": (32, "acceleration beyond [-9, 5] m/s^2"),
     "accel_clipped": (64, "acceleration at NGSIM's clip of 11.2 ft/s^2 = 3.41 m/s^2, either sign"),
     "overlap": (128, "front bumper beyond the rear bumper of the vehicle ahead (gap below 0)"),
     "bad_lane": (256, "lane code outside 1 to 8"),
     "bad_size": (512, "length outside 0.8 to 30 m or width outside 0.3 to 3.5 m"),
     "clock": (1024, "frame number and clock time disagree by more than 0.05 s"),
+    "interpolated": (2048, "the source filled the row in between rows that it saw"),
 }
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
+from scipy.spatial import cKDTree
 
 from policies.data.smoothing import (
     DT_S,
@@ -187,7 +188,7 @@ def read_us101(data: Path | str) -> list[Scene]:
         path, ["scene_id", "vehicle_id", "frame", "s_m", "d_m", "length_m", "lane", "lane_offset_m"]
     )
     lanes = json.loads(lanes_path.read_text())["lanes"]
-    curve, station = _smooth_curve(np.asarray(lanes["3"]["centre"], dtype=np.float64))
+    curve, station = smooth_curve(np.asarray(lanes["3"]["centre"], dtype=np.float64))
     shift = {
         int(row["lane"]): row["lane_offset_m"]
         for row in table.filter(pl.col("lane") > 0)
@@ -195,14 +196,14 @@ def read_us101(data: Path | str) -> list[Scene]:
         .agg(pl.col("lane_offset_m").median())
         .to_dicts()
     }
-    projected = [_project(np.asarray(lanes[str(i)]["centre"], dtype=np.float64), curve) for i in range(1, 6)]
+    projected = [project(np.asarray(lanes[str(i)]["centre"], dtype=np.float64), curve) for i in range(1, 6)]
     grid = np.arange(0.0, station[-1], 10.0)
     centres = np.array([-np.interp(grid, s, d) - shift[i + 1] for i, (s, d) in enumerate(projected)])
     width = float((centres[4] - centres[0]).mean() / 4.0)
     centres = np.vstack([centres, centres[-1] + width])
     road = straight_lanes("ngsim-us101", station[-1], 6, width, curve)
     xy = np.column_stack([table["x_m"].to_numpy(), table["y_m"].to_numpy()])
-    s, d_map = _project(xy, curve)
+    s, d_map = project(xy, curve)
     d = rectify(s, -d_map, grid, centres, width)
     table = table.with_columns(
         pl.Series("s", s),
@@ -260,7 +261,7 @@ def rectify(
     return ((lanes - 1) / 2.0 - lane_number) * width
 
 
-def _smooth_curve(points: np.ndarray, ds_m: float = 1.0) -> tuple[Samples, np.ndarray]:
+def smooth_curve(points: np.ndarray, ds_m: float = 1.0) -> tuple[Samples, np.ndarray]:
     """A polyline resampled every ds_m with a smooth heading: (x, y, heading, curvature), station."""
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     station = np.arange(0.0, s[-1], ds_m)
@@ -275,18 +276,13 @@ def _smooth_line(z: np.ndarray) -> np.ndarray:
     return smooth(z, cutoff_hz=1.0 / 60.0, dt_s=1.0)
 
 
-def _project(points: np.ndarray, curve: Samples) -> tuple[np.ndarray, np.ndarray]:
+def project(points: np.ndarray, curve: Samples) -> tuple[np.ndarray, np.ndarray]:
     """Station and lateral offset (positive left) of points (n, 2) relative to a curve sampled every metre."""
     x, y, heading, _ = curve
-    s, d = np.empty(len(points)), np.empty(len(points))
-    for start in range(0, len(points), 4000):
-        block = points[start : start + 4000]
-        k = np.argmin((block[:, :1] - x) ** 2 + (block[:, 1:] - y) ** 2, axis=1)
-        dx, dy = block[:, 0] - x[k], block[:, 1] - y[k]
-        cos, sin = np.cos(heading[k]), np.sin(heading[k])
-        s[start : start + 4000] = k + dx * cos + dy * sin
-        d[start : start + 4000] = -dx * sin + dy * cos
-    return s, d
+    _, k = cKDTree(np.column_stack([x, y])).query(points)
+    dx, dy = points[:, 0] - x[k], points[:, 1] - y[k]
+    cos, sin = np.cos(heading[k]), np.sin(heading[k])
+    return k + dx * cos + dy * sin, -dx * sin + dy * cos
 
 
 def assemble(name: str, table: pl.DataFrame, road: SceneRoad, held_out_from: int) -> Scene:

@@ -41,7 +41,9 @@ AFTER_M = 50.0  # of road after the last
 LANE_WIDTH_M = 3.7  # where there is one lane only
 RAMP_SHARE = 0.3  # a lane with fewer rows than this share of the median lane's is a ramp
 HELD_OUT_SHARE = 0.15  # the last vehicles of each recording (NGSIM numbers them as they enter)
-COMPLETE = ("ngsim-text", "ngsim-csv", "i80-scene", "us101-scene")  # layouts with every vehicle of the road
+COMPLETE = (  # layouts with every vehicle of the road
+    "ngsim-text", "ngsim-csv", "i80-scene", "us101-scene", "dlr-highway", "exid", "highd", "i24-motion",
+)  # fmt: skip
 SPLIT = FLAGS["jump"][0] | FLAGS["duplicate_frame"][0]  # rows at which a track is broken
 
 

@@ -105,7 +105,7 @@ FOREIGN = {
     "SUMO's XML": ("<emission-export>\n</emission-export>", "found XML .'<emission-export>'.*convert it"),
     "highD": (
         "frame,id,x,y,width,height,xVelocity,yVelocity,precedingId\n1,1,2,3,4,2,30,0,0\n",
-        "found a highD table",
+        "no NAME_tracksMeta.csv beside it, expected the publisher's files NAME_tracks.csv",
     ),
     "semicolons": (HEADER.replace(",", ";") + "\n1;2;3\n", "separated by semicolons"),
     "no header": ("1,10,1.1,22,3,15,6,2,10,0,3\n", "a table of 11 columns without a header"),

@@ -28,7 +28,7 @@ def command() -> None:
               help="Of text and CSV files; auto: told by the cars' lengths.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print the reports as JSON.")
 def import_(files: tuple[Path, ...], out: Path, units: str, as_json: bool) -> None:
-    """Import recordings (NGSIM text, portal CSV, Parquet) into one schema, in metres and seconds.
+    """Import recordings (NGSIM, DLR Highway Traffic, highD, exiD, I-24 MOTION) into one schema, in metres and seconds.
 
     Rows that cannot be physical are flagged, never dropped; `tailroad data schema` explains columns and flags.
     """
