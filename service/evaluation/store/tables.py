@@ -8,29 +8,24 @@ one that does not match them is replaced.
 
 import sqlalchemy as sa
 
+from service.evaluation.store.columns import keys
+
 VERSION = "0012"  # the newest of migrations/versions
 
 metadata = sa.MetaData()
 
-
-def _key(name: str, kind: type = sa.Text) -> sa.Column:
-    return sa.Column(name, kind, primary_key=True, autoincrement=False)
-
-
-def _chunk_key() -> list[sa.Column]:
-    return [
-        _key("job"),
-        _key("phase"),
-        _key("iteration", sa.Integer),
-        _key("start", sa.Integer),
-        _key("epoch", sa.Integer),
-    ]
-
+CHUNK_KEY = {
+    "job": sa.Text,
+    "phase": sa.Text,
+    "iteration": sa.Integer,
+    "start": sa.Integer,
+    "epoch": sa.Integer,
+}
 
 chunks = sa.Table(
     "chunks",
     metadata,
-    *_chunk_key(),
+    *keys(**CHUNK_KEY),
     sa.Column("stop", sa.Integer, nullable=False),
     sa.Column("f", sa.LargeBinary, nullable=False),  # float64 little-endian, NaN = failed
     sa.Column("outcomes", sa.LargeBinary, nullable=False),  # uint8: service.evaluation.pool.OUTCOME_CODES
@@ -48,7 +43,7 @@ chunks = sa.Table(
 voids = sa.Table(
     "voids",
     metadata,
-    *_chunk_key(),
+    *keys(**CHUNK_KEY),
     sa.Column("next_epoch", sa.Integer, nullable=False),  # in which the rows are run again
     sa.Column("reason", sa.Text, nullable=False),
     sa.Column("at", sa.Text, nullable=False),  # ISO 8601, UTC; so are all
@@ -57,15 +52,14 @@ voids = sa.Table(
 audits = sa.Table(
     "audits",
     metadata,
-    *_chunk_key(),
-    _key("worker"),  # who ran the rows again, to the same bits
+    *keys(**CHUNK_KEY, worker=sa.Text),  # worker: who ran the rows again, to the same bits
     sa.Column("at", sa.Text, nullable=False),
 )
 
 jobs = sa.Table(
     "jobs",
     metadata,
-    _key("id"),
+    *keys(id=sa.Text),
     sa.Column("number", sa.Integer, nullable=False, unique=True),  # order of submission
     sa.Column("spec", sa.Text, nullable=False),  # service.evaluation.job.Job as JSON
     sa.Column("priority", sa.Integer, nullable=False),
@@ -78,8 +72,7 @@ jobs = sa.Table(
 events = sa.Table(
     "events",
     metadata,
-    _key("job"),
-    _key("number", sa.Integer),
+    *keys(job=sa.Text, number=sa.Integer),
     sa.Column("kind", sa.Text, nullable=False),  # "status" and what else a job tells
     sa.Column("body", sa.Text, nullable=False),  # JSON
     sa.Column("at", sa.Text, nullable=False),
@@ -89,9 +82,7 @@ events = sa.Table(
 iterations = sa.Table(
     "iterations",
     metadata,
-    _key("job"),
-    _key("epoch", sa.Integer),
-    _key("number", sa.Integer),
+    *keys(job=sa.Text, epoch=sa.Integer, number=sa.Integer),
     sa.Column("record", sa.Text, nullable=False),  # ce.TrainingRecord or ce.EstimationRecord as JSON
     sa.Column("at", sa.Text, nullable=False),
     sa.Column("checksum", sa.Text, nullable=False, server_default=""),  # of all the row says, "" = an old row
@@ -100,7 +91,7 @@ iterations = sa.Table(
 quarantine = sa.Table(
     "quarantine",
     metadata,
-    _key("worker"),
+    *keys(worker=sa.Text),
     sa.Column("reason", sa.Text, nullable=False),
     sa.Column("at", sa.Text, nullable=False),
 )
@@ -108,9 +99,8 @@ quarantine = sa.Table(
 states = sa.Table(
     "states",
     metadata,
-    _key("job"),
-    _key("epoch", sa.Integer),
-    _key("tailroad"),  # digest of the software that wrote it: another one may come to another state
+    # tailroad: digest of the software that wrote it: another one may come to another state
+    *keys(job=sa.Text, epoch=sa.Integer, tailroad=sa.Text),
     sa.Column("number", sa.Integer, nullable=False),  # of batches taken in
     # of the algorithm after them, as its to_bytes writes it
     sa.Column("state", sa.LargeBinary, nullable=False),
@@ -122,7 +112,7 @@ states = sa.Table(
 beginnings = sa.Table(
     "beginnings",
     metadata,
-    _key("job"),
+    *keys(job=sa.Text),
     sa.Column("spec", sa.Text, nullable=False),  # service.evaluation.job.Job as JSON, as it was asked for
     sa.Column("software", sa.Text, nullable=False),  # service.evaluation.software.Software as JSON
     sa.Column("at", sa.Text, nullable=False),
@@ -132,15 +122,14 @@ beginnings = sa.Table(
 tallies = sa.Table(
     "tallies",
     metadata,
-    _key("job"),
+    *keys(job=sa.Text),
     sa.Column("chunks", sa.Integer, nullable=False),  # of the job that were ever recorded
 )
 
 artefacts = sa.Table(
     "artefacts",
     metadata,
-    _key("job"),
-    _key("name"),
+    *keys(job=sa.Text, name=sa.Text),
     sa.Column("data", sa.LargeBinary, nullable=False),
     sa.Column("checksum", sa.Text, nullable=False),  # of job, name and data
 )
@@ -148,7 +137,7 @@ artefacts = sa.Table(
 leases = sa.Table(
     "leases",
     metadata,
-    _key("name"),  # of what is held: "scheduler"
+    *keys(name=sa.Text),  # of what is held: "scheduler"
     sa.Column("epoch", sa.Integer, nullable=False),  # one more with each claim: an earlier one writes no more
     sa.Column("holder", sa.Text, nullable=False),  # host and process, for people
     sa.Column("since", sa.Float, nullable=False),  # s, of the database's clock; so is the next
@@ -158,7 +147,7 @@ leases = sa.Table(
 audit_log = sa.Table(
     "audit_log",
     metadata,
-    _key("number", sa.Integer),
+    *keys(number=sa.Integer),
     sa.Column("at", sa.Text, nullable=False),
     sa.Column("who", sa.Text, nullable=False),  # by the connection
     sa.Column("did", sa.Text, nullable=False),

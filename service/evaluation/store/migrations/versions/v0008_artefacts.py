@@ -1,17 +1,13 @@
 """What a job keeps beside its chunks: committors, states between its batches, how its paths ended."""
 
-import sqlalchemy as sa
 from alembic import op
+from sqlalchemy import LargeBinary, Text
+
+from service.evaluation.store.columns import keys, needed
 
 revision = "0008"
 down_revision = "0007"
 
 
 def upgrade() -> None:
-    op.create_table(
-        "artefacts",
-        sa.Column("job", sa.Text, primary_key=True, autoincrement=False),
-        sa.Column("name", sa.Text, primary_key=True, autoincrement=False),
-        sa.Column("data", sa.LargeBinary, nullable=False),
-        sa.Column("checksum", sa.Text, nullable=False),
-    )
+    op.create_table("artefacts", *keys(job=Text, name=Text), *needed(data=LargeBinary, checksum=Text))
