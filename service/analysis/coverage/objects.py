@@ -2,6 +2,8 @@
 
 import msgspec
 
+from service.analysis.job_findings import JobFindings
+
 FORMAT = 1
 
 
@@ -52,7 +54,7 @@ class Pair(msgspec.Struct, frozen=True, kw_only=True):
     mass: float
 
 
-class Coverage(msgspec.Struct, frozen=True, kw_only=True):
+class Coverage(JobFindings, frozen=True, kw_only=True):
     """How a job's rollouts cover the operational design domain.
 
     draws: of P0, that masses are counted on
@@ -65,10 +67,6 @@ class Coverage(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     format: int = FORMAT
-    run: str
-    job: str
-    scenario: str
-    ego: str
     gamma: float
     unit: str
     confidence: float

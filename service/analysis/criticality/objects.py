@@ -3,6 +3,7 @@
 import msgspec
 
 from service.analysis.failures.events import Order
+from service.analysis.job_findings import JobFindings
 
 FORMAT = 1
 
@@ -36,7 +37,7 @@ class Critical(msgspec.Struct, frozen=True, kw_only=True):
     tit_s2: float = 0.0
 
 
-class Criticality(msgspec.Struct, frozen=True, kw_only=True):
+class Criticality(JobFindings, frozen=True, kw_only=True):
     """Criticality of a job's first dangerous rollouts.
 
     tau_s: time to collision below which TET and TIT count
@@ -44,10 +45,6 @@ class Criticality(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     format: int = FORMAT
-    run: str
-    job: str
-    scenario: str
-    ego: str
     gamma: float
     unit: str
     order: Order

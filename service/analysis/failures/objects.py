@@ -8,6 +8,7 @@ import msgspec
 from service.analysis.failures.events import Order
 from service.analysis.failures.lapses import Lapse
 from service.analysis.failures.motion import Motion
+from service.analysis.job_findings import MethodFindings
 from service.world.safety.contact import Contact
 
 FORMAT = 2
@@ -70,18 +71,10 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     story: str  # of the example, in one sentence
 
 
-class Modes(msgspec.Struct, frozen=True, kw_only=True):
+class Modes(MethodFindings, frozen=True, kw_only=True):
     """The ways in which a job's ego fails."""
 
     format: int = FORMAT
-    run: str
-    job: str
-    scenario: str
-    ego: str
-    method: str
-    gamma: float
-    unit: str = ""  # of gamma
-    confidence: float
     p: float | None
     ci: tuple[float, float]
     order: Order

@@ -3,6 +3,7 @@
 import msgspec
 
 from service.analysis.failures.events import Order
+from service.analysis.job_findings import MethodFindings
 from service.analysis.prevention.onset import Onset
 
 FORMAT = 1
@@ -96,7 +97,7 @@ class Prevented(msgspec.Struct, frozen=True, kw_only=True):
     driven: dict[str, Driven]
 
 
-class Prevention(msgspec.Struct, frozen=True, kw_only=True):
+class Prevention(MethodFindings, frozen=True, kw_only=True):
     """What part of p a reference driver would have prevented.
 
     onset_ttc_s: a conflict begins when the boxes would touch within this time; None: with the rollout
@@ -107,14 +108,6 @@ class Prevention(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     format: int = FORMAT
-    run: str
-    job: str
-    scenario: str
-    ego: str
-    method: str
-    gamma: float
-    unit: str = ""
-    confidence: float
     p: float | None
     ci: tuple[float, float]
     order: Order

@@ -3,6 +3,7 @@
 import msgspec
 
 from service.analysis.failures.events import Order
+from service.analysis.job_findings import MethodFindings
 from service.analysis.severity.harm import Harm
 from service.world.safety.contact import Contact
 
@@ -58,7 +59,7 @@ class Severe(msgspec.Struct, frozen=True, kw_only=True):
     struck: Harm
 
 
-class Severity(msgspec.Struct, frozen=True, kw_only=True):
+class Severity(MethodFindings, frozen=True, kw_only=True):
     """How severe a job's contacts are.
 
     events: dangerous rollouts in the estimation
@@ -73,14 +74,6 @@ class Severity(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     format: int = FORMAT
-    run: str
-    job: str
-    scenario: str
-    ego: str
-    method: str
-    gamma: float
-    unit: str = ""
-    confidence: float
     order: Order
     events: int
     examined: int

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from service.analysis.acceptance.objects import Acceptance, Judged
 from service.analysis.wording import significant
-from service.front.cli.options import echo_json, json_option, workers_option
+from service.front.cli.options import echo_found, json_option, workers_option
 from service.front.cli.tables import whole
 
 EXIT = {"met": 0, "not met": 1, "undecided": 4}  # as of `tailroad batch`
@@ -31,10 +31,7 @@ def command(case: Path, fail_unless: str | None, workers: int | None, as_json: b
     from service.analysis.run.acceptance import accept_case
 
     found = accept_case(case, workers)
-    if as_json:
-        echo_json(found)
-    else:
-        _print(found)
+    echo_found(found, as_json, _print)
     if fail_unless is not None:
         sys.exit(EXIT[found.verdict])
 

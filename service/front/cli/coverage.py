@@ -8,7 +8,7 @@ from rich.text import Text
 
 from service.analysis.coverage.objects import Cell, Coverage
 from service.analysis.wording import percent, significant
-from service.front.cli.options import echo_json, json_option
+from service.front.cli.options import echo_found, json_option
 from service.front.cli.runs import method_option, run_argument
 from service.front.cli.tables import dense
 
@@ -37,10 +37,7 @@ def command(run: Path, method: str | None, domain: Path | None, page: Path | Non
     found = coverage_of(run.name, record_of(run, method)[0], declared)
     if page is not None:
         write_file(page, ".html", lambda: domain_page(found).encode())
-    if as_json:
-        echo_json(found)
-    else:
-        _print(found)
+    echo_found(found, as_json, _print)
 
 
 def _print(found: Coverage) -> None:

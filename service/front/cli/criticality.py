@@ -9,7 +9,7 @@ from rich.table import Table
 from service.analysis.criticality.objects import Criticality
 from service.analysis.failures.events import Order
 from service.analysis.wording import percent, significant
-from service.front.cli.options import echo_json, json_option, workers_option
+from service.front.cli.options import echo_found, json_option, workers_option
 from service.front.cli.runs import method_option, order_option, run_argument
 from service.front.cli.tables import dense
 
@@ -34,10 +34,7 @@ def command(
     from service.analysis.run.verdicts import criticality_of_run
 
     found = criticality_of_run(run, method, order, limit, workers)
-    if as_json:
-        echo_json(found)
-    else:
-        _print(found)
+    echo_found(found, as_json, _print)
 
 
 def _print(found: Criticality) -> None:

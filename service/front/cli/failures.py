@@ -1,5 +1,6 @@
 """`tailroad failures RUN`: how the ego fails."""
 
+from functools import partial
 from pathlib import Path
 
 import click
@@ -13,7 +14,7 @@ from service.analysis.run.bars import counted
 from service.analysis.run.records import record_of
 from service.analysis.wording import quantity, significant
 from service.evaluation.cores import core_count
-from service.front.cli.options import echo_json, json_option, workers_option
+from service.front.cli.options import echo_found, json_option, workers_option
 from service.front.cli.runs import examine_option, method_option, order_option, outcome_option, run_argument
 from service.front.cli.tables import dense
 
@@ -42,10 +43,7 @@ def command(
         Rerunner(record.job, workers or core_count()) as rerunner,
     ):
         found = find_failures(run.name, record, rerunner, order, limit, examine, run, watch).failures
-    if as_json:
-        echo_json(found)
-    else:
-        _print(run, found)
+    echo_found(found, as_json, partial(_print, run))
 
 
 def _print(run: Path, found: Failures) -> None:

@@ -3,7 +3,7 @@
 import functools
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 import msgspec
@@ -13,6 +13,7 @@ from service.evaluation.failed_share import MAX_FAILED
 from service.world.scenario.measures import MEASURES
 
 MAX_SEED = 2**63 - 1
+Found = TypeVar("Found", bound=msgspec.Struct)
 FOLDER = click.Path(file_okay=False, path_type=Path)
 
 
@@ -102,6 +103,14 @@ def echo_json(body: msgspec.Struct | bytes) -> None:
     """Print what was found, or the JSON that a service answered, indented."""
     data = body if isinstance(body, bytes) else msgspec.json.encode(body)
     click.echo(msgspec.json.format(data, indent=2).decode())
+
+
+def echo_found(found: Found, as_json: bool, in_words: Callable[[Found], None]) -> None:
+    """Print what was found, as JSON or in words."""
+    if as_json:
+        echo_json(found)
+    else:
+        in_words(found)
 
 
 def connect_option(says: str, default: tuple[str, ...] = ()) -> Callable:

@@ -1,6 +1,7 @@
 """`tailroad prevent RUN`: what part of p a competent driver would have prevented."""
 
 import math
+from functools import partial
 from pathlib import Path
 
 import click
@@ -14,7 +15,7 @@ from service.analysis.prevention.onset import TTC_S
 from service.analysis.prevention.prevent import DEFAULT
 from service.analysis.run.bars import counted
 from service.analysis.wording import quantity, significant
-from service.front.cli.options import echo_json, json_option, require_folder, workers_option
+from service.front.cli.options import echo_found, json_option, require_folder, workers_option
 from service.front.cli.runs import examine_option, method_option, order_option, run_argument
 from service.front.cli.tables import whole
 
@@ -73,10 +74,7 @@ def command(
         return
     with counted("conflicts") as watch:
         found = prevention_of(run, method, references, order, examine, onset_ttc_s, workers, watch)
-    if as_json:
-        echo_json(found)
-    else:
-        _print(run, found)
+    echo_found(found, as_json, partial(_print, run))
 
 
 def _film(

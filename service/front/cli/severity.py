@@ -13,7 +13,7 @@ from service.analysis.severity.objects import Injury, Likely, Severity
 from service.analysis.severity.severe import SPEEDS_MPS
 from service.analysis.wording import significant
 from service.errors import InputError
-from service.front.cli.options import echo_json, json_option, workers_option
+from service.front.cli.options import echo_found, json_option, workers_option
 from service.front.cli.runs import examine_option, method_option, order_option, run_argument
 from service.front.cli.tables import whole
 
@@ -61,10 +61,7 @@ def command(
 
     with counted("dangerous rollouts") as watch:
         found = severity_of_run(run, method, speeds_mps, _masses(masses), order, examine, workers, watch)
-    if as_json:
-        echo_json(found)
-    else:
-        _print(found)
+    echo_found(found, as_json, _print)
 
 
 def _print(found: Severity) -> None:

@@ -17,24 +17,18 @@ from service.analysis.failures.scenario_file import scenario_text
 from service.analysis.video import EgoView, jpeg_pictures
 from service.evaluation.drawn_again import drawn_again
 from service.evaluation.record import JobRecord
-from service.remote.api.background import Background
 from service.remote.api.files import File
-from service.remote.api.limits import Limits
 from service.remote.api.objects import CameraPicture, RolloutView
 from service.remote.api.problems import ApiError, Wrong
-from service.remote.api.records import Records, State
+from service.remote.api.records import State
 from service.remote.api.requests import AskExport, AskFailures, AskRollout
-from service.remote.api.reruns import Reruns
+from service.remote.api.rerunning import RerunningAnswers
 from service.remote.api.results import finite
 from service.world.scenario.noise import Noise
 
 
-class DangerousAnswers:
+class DangerousAnswers(RerunningAnswers):
     """What is answered on jobs/ID/failures, jobs/ID/rollouts/ROW and its export."""
-
-    def __init__(self, records: Records, background: Background, limits: Limits, reruns: Reruns):
-        self._records, self._background, self._limits = records, background, limits
-        self._reruns = reruns
 
     def failures(self, asked: AskFailures, job: str) -> Failures:
         state = self._records.state(job)

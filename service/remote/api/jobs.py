@@ -13,7 +13,8 @@ from service.remote.api.limits import Limits
 from service.remote.api.objects import OVER, Done, Job, Jobs, JobScenario
 from service.remote.api.problems import ApiError, Wrong, short
 from service.remote.api.requests import Nothing, Page, Submission
-from service.remote.fleet.service import Fleet, JobView
+from service.remote.fleet.service import Fleet
+from service.remote.fleet.views import JobView
 from service.world.safety.measure import with_measure
 from service.world.scenario.noise_mode import with_noise_mode
 

@@ -6,6 +6,7 @@ import msgspec
 
 from service.analysis.estimated import Estimated
 from service.remote.api.rollout_objects import CameraPicture, Listing, Rollouts, RolloutView
+from service.remote.fleet.views import RunningChunk, Tally
 
 __all__ = [
     "OVER",
@@ -116,21 +117,6 @@ class Jobs(_Body, frozen=True):
     next: int | None
 
 
-class RunningChunk(_Body, frozen=True):
-    """A chunk that a worker has now.
-
-    audit: another worker has run it before
-    for_s: since it was given
-    """
-
-    job: str
-    phase: str
-    iteration: int
-    rows: int
-    audit: bool
-    for_s: float
-
-
 class Worker(_Body, frozen=True):
     """A worker that is connected, or (quarantine: why) was found wrong.
 
@@ -150,21 +136,6 @@ class Worker(_Body, frozen=True):
     worker_s: float
     quarantine: str
     now: tuple[RunningChunk, ...]
-
-
-class Tally(_Body, frozen=True):
-    """What became of chunks since the scheduler began.
-
-    lost: taken back without an answer
-    copied: given to a second worker because the first took long
-    audited: run again by another worker and judged
-    wrong: values that were not the others'
-    """
-
-    lost: int
-    copied: int
-    audited: int
-    wrong: int
 
 
 class Workers(_Body, frozen=True):

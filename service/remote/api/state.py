@@ -37,7 +37,7 @@ class StateAnswers:
         return Workers(items=items, next=items[-1].id if len(known) > asked.limit else None)
 
     def tally(self, asked: Nothing) -> Tally:
-        return msgspec.convert(self._fleet.tally(), Tally, from_attributes=True)
+        return self._fleet.tally()
 
     def health(self, asked: Nothing) -> Health:
         try:

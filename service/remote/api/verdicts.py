@@ -11,19 +11,12 @@ from service.analysis.prevention.onset import TTC_S
 from service.analysis.prevention.prevent import DEFAULT, prevent
 from service.analysis.severity.objects import Severity
 from service.analysis.severity.severe import examine_severity, severity_of
-from service.remote.api.background import Background
-from service.remote.api.limits import Limits
-from service.remote.api.records import Records
 from service.remote.api.requests import AskPrevention, AskSeverity, Nothing
-from service.remote.api.reruns import Reruns
+from service.remote.api.rerunning import RerunningAnswers
 
 
-class VerdictAnswers:
+class VerdictAnswers(RerunningAnswers):
     """What is answered on jobs/ID/severity, jobs/ID/prevention and jobs/ID/coverage."""
-
-    def __init__(self, records: Records, background: Background, limits: Limits, reruns: Reruns):
-        self._records, self._background, self._limits = records, background, limits
-        self._reruns = reruns
 
     def severity(self, asked: AskSeverity, job: str) -> Severity:
         state = self._records.state(job)

@@ -28,6 +28,7 @@ from service.remote.fleet.chunk_memory import ChunkMemory, JobChunks
 from service.remote.fleet.errors import NoSuchJob
 from service.remote.fleet.hub import Hub
 from service.remote.fleet.scheduler import Scheduler
+from service.remote.fleet.views import JobView, RunningChunk, Tally, WorkerView
 from service.remote.fleet.workers import WorkerState
 from service.world.egos.open import REMOTE
 from service.world.scenario import Scenario
@@ -45,79 +46,6 @@ WITHHELD = {
     "efficiency_vs_naive": None,
     "impacts": [],
 }  # of a job that failed
-
-
-class JobView(msgspec.Struct, frozen=True):
-    """A job and how far it is.
-
-    rollouts: in the record; planned: at most
-    leases: chunks that are out now
-    """
-
-    id: str
-    number: int
-    label: str
-    scenario: str
-    ego: str
-    gamma: float
-    unit: str  # of gamma, "" where the measure has none
-    method: str
-    options: dict[str, Any]
-    seed: int
-    priority: int
-    weight: float
-    at: str
-    status: str  # running, paused, done, cancelled, failed or needs-restart
-    reason: str
-    rollouts: int | None = None  # None for a job that is over; the estimate has them
-    leases: int = 0
-    refusals: dict[str, str] = {}  # workers that cannot run it, and why
-    measure: str = ""
-    noise_mode: str = ""
-    disputed: bool = False  # workers disagree on some of its rollouts, and it is not settled yet
-    max_failed: float = 1.0  # share of failed rollouts that is tolerated
-
-
-class Doing(msgspec.Struct, frozen=True):
-    """A chunk that a worker has now.
-
-    audit: another worker has run it before
-    for_s: since it was given
-    """
-
-    job: str
-    phase: str
-    iteration: int
-    rows: int
-    audit: bool
-    for_s: float
-
-
-class Tally(msgspec.Struct, frozen=True):
-    """What became of chunks since the scheduler began (`service.remote.fleet.workers.Tally`)."""
-
-    lost: int
-    copied: int
-    audited: int
-    wrong: int
-
-
-class WorkerView(msgspec.Struct, frozen=True):
-    """A worker that is connected, or (quarantine) was found wrong."""
-
-    id: str
-    procs: int = 0
-    egos: tuple[str, ...] = ()
-    camera: bool = False
-    gpu: bool = False
-    host: str = ""
-    versions: dict[str, str] = {}
-    leases: int = 0
-    chunks: int = 0
-    rollouts: int = 0
-    worker_s: float = 0.0
-    quarantine: str = ""
-    now: tuple[Doing, ...] = ()
 
 
 class Fleet:
@@ -360,16 +288,16 @@ def _progress(scheduler: Scheduler) -> dict[str, Progress]:
     }
 
 
-def _doing(scheduler: Scheduler, worker: WorkerState) -> tuple[Doing, ...]:
+def _running(scheduler: Scheduler, worker: WorkerState) -> tuple[RunningChunk, ...]:
     held = [scheduler.workers.leases[lease] for lease in sorted(worker.leases)]
     return tuple(
-        Doing(
-            key.job,
-            key.phase,
-            key.iteration,
-            key.stop - key.start,
-            h.audit,
-            round(scheduler.now - h.since, 1),
+        RunningChunk(
+            job=key.job,
+            phase=key.phase,
+            iteration=key.iteration,
+            rows=key.stop - key.start,
+            audit=h.audit,
+            for_s=round(scheduler.now - h.since, 1),
         )
         for h in held
         for key in (h.key,)
@@ -380,7 +308,7 @@ def _workers(scheduler: Scheduler) -> list[WorkerView]:
     known = scheduler.workers
     here = [
         WorkerView(w.id, c.procs, c.egos, c.camera, c.gpu, c.host, c.versions, len(w.leases), w.chunks, w.rollouts,
-                   w.worker_s, now=_doing(scheduler, w))
+                   w.worker_s, now=_running(scheduler, w))
         for w in known.here.values()
         for c in (w.capabilities,)
     ]  # fmt: skip
