@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate contacts test check lint docs bench bench-camera calibration calibration-peers other-measures guides faults attentive bench-fleet fuzz foreign-clients drivers ego-vision schema example-ego pins format clean
+.PHONY: help estimate contacts test check lint docs bench bench-camera calibration calibration-peers other-measures guides faults attentive bench-fleet fuzz foreign-clients drivers a39 ego-vision schema example-ego pins format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
@@ -23,6 +23,7 @@ help:
 	@echo "make fuzz       100,000 wrong inputs to everything that reads from outside (ten minutes or more; goes on where it stopped)"
 	@echo "make foreign-clients  build zenohd with its REST plugin and a client in Rust, and use the service by them (needs cargo; twenty minutes)"
 	@echo "make drivers DATA=DIR  train the shipped weights again and remake their cards (hours on one core)"
+	@echo "make a39 COPY=FILE  road, scenario, drivers and realism card of a recorded motorway (an hour)"
 	@echo "make ego-vision  train the shipped vision ego again, with its card (an hour on one core; needs no data)"
 	@echo "make schema     make the Python code of the egos' messages anew"
 	@echo "make example-ego  build the example ego in Rust and drive with it (minutes; needs cargo)"
@@ -130,6 +131,16 @@ drivers: $(VENV)/.installed-dev
 	$(BIN)/tailroad train thresholds --scenario i80-paper-10s --ego lidar-paper --ego idm --rollouts 100000 --splitting 20000 \
 	  --seed 1 --out build/thresholds --card $(WEIGHTS)/drivers-gail.json $(if $(ELSEWHERE),--weights $(WEIGHTS))
 	$(BIN)/tailroad drivers card --weights $(WEIGHTS)/drivers-gail.safetensors --data $(DATA) --out deploy/cards --seed 1
+
+# A motorway in free flow from the user's own copy of a recording (DLR Highway Traffic: the zip, DOI 10.5281/zenodo.14012005):
+# road and scenario a39, drivers trained on it, their realism card. All of it is made of the recording: mind its licence.
+A39 ?= build/a39
+a39: $(VENV)/.installed-dev
+	@test -n "$(COPY)" || { echo "make a39 needs COPY=FILE: your copy of the recording"; exit 2; }
+	$(BIN)/tailroad data import $(COPY) --out $(A39)/tables
+	OMP_NUM_THREADS=1 $(BIN)/tailroad train drivers --data $(A39)/tables --out $(A39)/weights --seed 1 $(TRAIN)
+	$(BIN)/tailroad data motorway $(A39)/tables --name a39 --weights weights/drivers-gail.safetensors --out $(A39)
+	$(BIN)/tailroad drivers card --weights $(A39)/weights/drivers-gail.safetensors --data $(A39)/tables --out $(A39) --seed 1
 
 # It learns in our own world among the drivers, from no recordings; goes on where it was interrupted.
 ego-vision: $(VENV)/.installed-dev

@@ -13,49 +13,9 @@ from policies.data.motorways.tracks import at_ten_hertz
 from policies.data.ngsim_import import import_file
 from policies.data.ngsim_schema import FLAGS, FormatError
 from policies.data.tables import read_tables
+from tests.policies.motorway_files import LANE_M, RADIUS_M, dlr_text, drives
 
 FOOT = 0.3048
-RADIUS_M = 2000.0
-LANE_M = 3.7
-
-
-def drives(vehicles: int = 24, seconds: float = 12.0, rate: float = 20.0):
-    """(vehicle, time, distance driven, lane 1 or 2, lane position left) of cars on two lanes; one changes lanes."""
-    for v in range(vehicles):
-        lane = 1 + v % 2
-        speed = 36.0 - 6.0 * (lane - 1)
-        for k in range(round(seconds * rate)):
-            t = k / rate
-            share = min(max((t - 4.0) / 4.0, 0.0), 1.0) if v == 3 else 0.0
-            yield v, t, 20.0 + 18.0 * (v // 2) + speed * t, lane, LANE_M * (1.5 - lane + share), speed
-
-
-def on_arc(along: float, left: float, way: float) -> tuple[float, float]:
-    """A point of two carriageways along a circle, 10 m apart, the second driven the other way."""
-    turn = along / RADIUS_M if way > 0 else 0.35 - along / RADIUS_M
-    radius = RADIUS_M - way * (left - 8.0)
-    return 600_000.0 + radius * np.sin(turn), 5_790_000.0 + RADIUS_M - radius * np.cos(turn)
-
-
-def dlr_text() -> str:
-    names = (
-        "timestamp,id,center_easting,center_northing,velocity_easting,velocity_northing,velocity_magnitude,yaw,"
-        "dimension_length,dimension_width,dimension_height,classifications_pedestrian,classifications_bicycle,"
-        "classifications_motorbike,classifications_car,classifications_van,classifications_truck,interpolated"
-    )
-    rows = [names]
-    for way, first in ((1.0, 1728280701706084), (-1.0, 1728280801706084)):
-        for v, t, along, _, left, speed in drives():
-            x, y = on_arc(along, left, way)
-            size, kinds = (
-                ("18.5,2.6,3.9", "0,0,0,0,0.1,0.9") if v == 1 else ("4.5,1.8,1.5", "0,0,0,0.7,0.2,0.1")
-            )
-            told = "True" if v == 5 and t < 1.0 else "False"
-            rows.append(
-                f"2024-10-07 06:00:{t + 0.004659:09.6f}+00:00,{first + v},{x:.3f},{y:.3f},1,1,{speed},64.4,{size},"
-                f"{kinds},{told}"
-            )
-    return "\n".join(rows) + "\n"
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
-"""`tailroad data import|schema|fit-starts`"""
+"""`tailroad data import|schema|fit-starts|motorway`"""
 
 import json
+import re
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
@@ -146,6 +147,31 @@ def fit_starts(data: Path, out: Path, resamples: int, seed: int, as_json: bool) 
         table.add_row(name, f"{len(fit.x):,}", str(fit.vehicles), outside, f"{fit.ks:.3f}", alpha, beta)
     stderr.print(table)
     stderr.print(f"pictures and i80-data.json: {out}")
+
+
+@command.command()
+@click.argument("tables", type=FOLDER)
+@click.option("--name", default="motorway", show_default=True, help="Of the scenario and its road.")
+@click.option("--site", help="Which carriageway.  [default: the one with the most rows]")
+@click.option("--weights", help="The drivers' weights, by name or path.  [default: those of i80-10s]")
+@click.option("--out", required=True, type=FOLDER, help="Folder for NAME.net.xml and NAME.toml.")
+def motorway(tables: Path, name: str, site: str | None, weights: str | None, out: Path) -> None:
+    """Make the road and a scenario in free flow from an imported recording that knows its road (DLR's, exiD).
+
+    TABLES: the folder that 'tailroad data import' wrote. Needs SUMO's netconvert.
+    """
+    from service.studies.motorway import make_motorway
+
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9-]*", name):
+        raise InputError(f"--name {name!r}: letters, digits and hyphens, such as a39")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        made = make_motorway(tables, name, out, site, weights)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error})") from error
+    stderr.print(f"carriageway {made.site}")
+    for path in (made.network, made.scenario):
+        click.echo(path)
 
 
 def _print(report: dict[str, Any], path: Path) -> None:
