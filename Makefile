@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate contacts test check lint docs bench bench-camera calibration calibration-peers other-measures guides faults attentive bench-fleet fuzz foreign-clients drivers a39 ego-vision schema example-ego pins format clean
+.PHONY: help estimate contacts test check lint docs bench bench-camera calibration calibration-peers other-measures guides faults attentive bench-fleet fuzz foreign-clients drivers a39 ego-vision schema example-ego pins wheel format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
@@ -27,6 +27,7 @@ help:
 	@echo "make ego-vision  train the shipped vision ego again, with its card (an hour on one core; needs no data)"
 	@echo "make schema     make the Python code of the egos' messages anew"
 	@echo "make example-ego  build the example ego in Rust and drive with it (minutes; needs cargo)"
+	@echo "make wheel      build the wheel and install it and all it needs in an empty environment (minutes)"
 	@echo "make pins       hashes of what the image installs, its bill of materials and the licences, made anew"
 	@echo "make format     put the sources into their form"
 
@@ -43,10 +44,10 @@ BUDGET ?= 20000
 contacts: $(VENV)/.installed
 	$(BIN)/tailroad estimate i80-10s --ego lidar --gamma 0 --method naive --method $(METHOD) --budget $(BUDGET) --seed 1
 
-# Test files are spread over the cores, four at most: many of them start processes of their own.
+# Test files are spread over the cores, four at most: many of them start processes of their own. The slowest are begun first.
 # One of them builds the documentation.
 test: lint
-	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 check: lint docs
 
@@ -77,6 +78,10 @@ faults: $(VENV)/.installed-dev
 	  tests/service/remote/test_outages.py
 	$(BIN)/python -m tests.bench.store_faults --plays 10000 --page build/store-faults.md
 
+# The wheel with everything it needs, from the package index: minutes.
+wheel: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -m long tests/e2e/test_wheel.py
+
 # Drivers who look, in 100,000 rollouts: minutes.
 attentive: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m long tests/service/studies/human
@@ -97,6 +102,7 @@ bench-fleet: $(VENV)/.installed-dev
 # Every method on every problem with a known answer over 200 seeds: hours where no run is kept; goes on where it was
 # interrupted.
 calibration: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -m long tests/ce
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench.ce_calibration --keep
 	$(BIN)/python -m tests.bench.ce_which_method
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench.path_calibration --keep

@@ -29,6 +29,26 @@ def pytest_runtest_makereport(
     return report
 
 
+# Files that take longest, the longest first: begun last, one of them would keep a core busy when the others are done.
+SLOWEST = (
+    "tests/e2e/test_command_line.py",
+    "tests/service/analysis/run/test_run.py",
+    "tests/ce/test_mixture.py",
+    "tests/service/studies/human/test_rates.py",
+    "tests/service/front/cli/test_failures_cli.py",
+    "tests/e2e/test_wheel.py",
+    "tests/service/remote/fleet/test_kills.py",
+    "tests/service/studies/reproduce/test_verdict_page.py",
+    "tests/ce/test_path_sampling.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The slowest files first; xdist keeps this order with --no-loadscope-reorder."""
+    at = {name: number for number, name in enumerate(SLOWEST)}
+    items.sort(key=lambda item: at.get(item.nodeid.split("::")[0], len(SLOWEST)))
+
+
 ACTION_SCALE = (1.0, 0.05)  # m/s^2, rad/s
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from email.message import Message
 from importlib.metadata import Distribution, distribution
@@ -74,15 +74,15 @@ class Package:
     needs: frozenset[str]
 
 
-def own_requirements() -> list[str]:
-    """What tailroad itself needs in the image."""
+def own_requirements(extras: Sequence[str] = IN_THE_IMAGE) -> list[str]:
+    """What tailroad itself needs with these extras."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    return [*project["dependencies"], *(r for e in IN_THE_IMAGE for r in project["optional-dependencies"][e])]
+    return [*project["dependencies"], *(r for e in extras for r in project["optional-dependencies"][e])]
 
 
-def packages() -> list[Package]:
-    """What an installation with the image's extras brings along, by name."""
-    waiting = own_requirements()
+def packages(extras: Sequence[str] = IN_THE_IMAGE) -> list[Package]:
+    """What an installation with these extras brings along, by name."""
+    waiting = own_requirements(extras)
     found: dict[str, Package] = {}
     while waiting:
         need = Requirement(waiting.pop())
