@@ -3,7 +3,7 @@
 Trajectories have a vertex for each step, in absolute time, in the coordinates of the road's SUMO network. A vehicle's
 position in OpenSCENARIO is the middle of its rear axle on the ground, tailroad's is the middle of its box: the axle is
 put REAR_AXLE of its length behind it, and the bounding box is told from there. A vehicle that has left the road stays
-where it left.
+where it left. Speeds, which a vertex cannot say, are a property of each vehicle (SPEEDS), for those who read it again.
 """
 
 from datetime import datetime
@@ -20,6 +20,7 @@ HEIGHT_M, TRUCK_HEIGHT_M = 1.5, 3.5
 TRUCK_FROM_M = 7.0  # of length
 WHEEL_M, TRACK_SHARE, STEERING_RAD = 0.65, 0.85, 0.6
 TOP_SPEED_MPS, ACCELERATION_MPS2, DECELERATION_MPS2 = 60.0, 4.0, 8.0
+SPEEDS = "tailroad speed_mps"  # one a vertex
 Numbers = dict[str, str]
 
 
@@ -39,7 +40,7 @@ def openscenario_text(trace: Trace, title: str, made: datetime, road: str | None
         ET.SubElement(network, "LogicFile", filepath=road)
     entities = ET.SubElement(root, "Entities")
     for i, name in enumerate(trace.names):
-        _vehicle(ET.SubElement(entities, "ScenarioObject", name=name), name, trace.agents[0, i])
+        _vehicle(ET.SubElement(entities, "ScenarioObject", name=name), name, trace.agents[:, i])
     board = ET.SubElement(root, "Storyboard")
     actions = ET.SubElement(ET.SubElement(board, "Init"), "Actions")
     for i, name in enumerate(trace.names):
@@ -58,7 +59,8 @@ def write_openscenario(trace: Trace, path: Path, title: str, made: datetime, roa
     path.write_text(openscenario_text(trace, title, made, road), encoding="utf-8")
 
 
-def _vehicle(parent: ET.Element, name: str, agent: np.ndarray) -> None:
+def _vehicle(parent: ET.Element, name: str, agents: np.ndarray) -> None:
+    agent = agents[0]
     length, width = float(agent[A.LENGTH_M]), float(agent[A.WIDTH_M])
     truck = length >= TRUCK_FROM_M
     height = TRUCK_HEIGHT_M if truck else HEIGHT_M
@@ -76,7 +78,8 @@ def _vehicle(parent: ET.Element, name: str, agent: np.ndarray) -> None:
     ahead = 2 * REAR_AXLE * length
     ET.SubElement(axles, "FrontAxle", _numbers(maxSteering=STEERING_RAD, positionX=ahead, **wheels))
     ET.SubElement(axles, "RearAxle", _numbers(maxSteering=0.0, positionX=0.0, **wheels))
-    ET.SubElement(vehicle, "Properties")
+    speeds = " ".join(repr(float(speed)) for speed in agents[: _on_road(agents), A.SPEED_MPS])
+    ET.SubElement(ET.SubElement(vehicle, "Properties"), "Property", name=SPEEDS, value=speeds)
 
 
 def _begin(private: ET.Element, agent: np.ndarray) -> None:
@@ -102,13 +105,17 @@ def _drive(act: ET.Element, name: str, time_s: np.ndarray, agents: np.ndarray) -
         ET.SubElement(follow, "TrajectoryRef"), "Trajectory", name=f"trajectory of {name}", closed="false"
     )
     line = ET.SubElement(ET.SubElement(trajectory, "Shape"), "Polyline")
-    on_road = int(np.flatnonzero(agents[:, A.ACTIVE])[-1]) + 1 if agents[:, A.ACTIVE].any() else 1
-    for time, agent in zip(time_s[:on_road], agents, strict=False):
+    for time, agent in zip(time_s[: _on_road(agents)], agents, strict=False):
         _at(ET.SubElement(line, "Vertex", _numbers(time=time)), agent)
     timing = {"domainAbsoluteRelative": "absolute", "scale": "1", "offset": "0"}
     ET.SubElement(ET.SubElement(follow, "TimeReference"), "Timing", timing)
     ET.SubElement(follow, "TrajectoryFollowingMode", followingMode="position")
     _after(ET.SubElement(event, "StartTrigger"), f"{name} begins", 0.0)
+
+
+def _on_road(agents: np.ndarray) -> int:
+    """How many states, of (T, columns), a vehicle is on the road."""
+    return int(np.flatnonzero(agents[:, A.ACTIVE])[-1]) + 1 if agents[:, A.ACTIVE].any() else 1
 
 
 def _at(parent: ET.Element, agent: np.ndarray) -> None:
@@ -126,4 +133,4 @@ def _after(trigger: ET.Element, name: str, time_s: float) -> None:
 
 
 def _numbers(**values: float) -> Numbers:
-    return {key: f"{float(value):.6f}".rstrip("0").rstrip(".") for key, value in values.items()}
+    return {key: f"{float(value):.9f}".rstrip("0").rstrip(".") for key, value in values.items()}

@@ -1,4 +1,4 @@
-"""`tailroad scenario list|show|check`"""
+"""`tailroad scenario list|show|check|measure`"""
 
 import json
 from pathlib import Path
@@ -71,3 +71,26 @@ def check(scenarios: tuple[str, ...]) -> None:
             f"{road.lane_left.shape[0]} lanes; at most {scenario.steps} steps of {scenario.time.step_s:g} s; "
             f"X has {base.dim} dimensions ({STARTS} a vehicle and the driver weights)"
         )
+
+
+@command.command()
+@click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
+@click.option("--measure", default="ttc-impact", show_default=True, help="One that needs no lanes.")
+@click.option("--ego", help="The ego's name.  [default: the vehicle that is called ego]")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def measure(file: Path, measure: str, ego: str | None, as_json: bool) -> None:
+    """f of an ASAM OpenSCENARIO XML file in which every vehicle follows a trajectory, tailroad's own or another's.
+
+    Other actions are refused by their name; the drive ends with the ego's first contact.
+    """
+    from service.analysis.exports.openscenario_in import STEP_S, f_of, read_openscenario
+
+    drive = read_openscenario(file, ego)
+    f, values = f_of(drive, measure)
+    worst = float(values.argmin() * STEP_S)
+    if as_json:
+        told = {"file": file.name, "measure": measure, "f": f, "at_s": worst, "vehicles": list(drive.names),
+                "ego": drive.names[drive.ego], "states": len(values)}  # fmt: skip
+        click.echo(json.dumps(told, indent=2))
+        return
+    click.echo(f"{file}: f = {f:.6g} by {measure}, at {worst:.1f} s of {(len(values) - 1) * STEP_S:.1f} s")
