@@ -63,6 +63,11 @@ def told(value: float | None, interval: Sequence[float | None]) -> Told:
     return Told(words(value), words(low), words(high, open_end=True))
 
 
+def is_bound(p: float, interval: Sequence[float | None]) -> bool:
+    """Whether an estimate says no more than that p is at most the upper end of its interval."""
+    return p == 0.0 or not interval[0]
+
+
 def quantity(value: float, unit: str) -> str:
     """A value as it was given, with its unit where it has one.
 

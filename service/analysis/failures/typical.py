@@ -22,7 +22,7 @@ def typical(motions: Sequence[Motion], weights: np.ndarray) -> str:
     across = of("gap_across_m")
     where = f"{along[0]:.1f} m apart along the road" if along[1] else "side by side"
     if across[1] > 0:
-        where += f", {across[1]:.1f} m ({across[0]:.1f} to {across[2]:.1f}) between the sides"
+        where += f", {_spread(across)} m between the sides"
     return (
         f"ego at {_spread(ego)} m/s, the other at {_spread(other)} m/s, {where}, "
         f"{_spread(at)} s after the start"
@@ -30,8 +30,8 @@ def typical(motions: Sequence[Motion], weights: np.ndarray) -> str:
 
 
 def _spread(value: tuple[float, float, float]) -> str:
-    low, middle, high = value
-    return f"{middle:.1f} ({low:.1f} to {high:.1f})"
+    low, middle, high = (f"{one:.1f}" for one in value)
+    return middle if low == high else f"{middle} ({low} to {high})"
 
 
 def _quantiles(values: np.ndarray, weights: np.ndarray, levels: Sequence[float]) -> list[float]:

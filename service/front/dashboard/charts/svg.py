@@ -19,6 +19,7 @@ LEFT, RIGHT, TOP, BOTTOM = 70, 12, 12, 44
 X_TICKS, Y_TICKS = 5, 6
 MOST_POINTS = 400  # of a series that are drawn; more are thinned evenly
 FAR_BELOW = 30.0
+DEEPEST = 1e-15  # of the highest: what lies below it is drawn at the foot of the axis
 LETTER = 7.0  # width, about
 
 
@@ -79,7 +80,8 @@ def _heights(chart: Chart, series: Sequence[Series]) -> list[float]:
     ends = [y for one in series for y in (*_known(one.low), *_known(one.high))]
     if chart.y_log:
         least = min((y for y in values if y > 0.0), default=0.0) / FAR_BELOW
-        ends = [y for y in ends if y > least]
+        least = max(least, DEEPEST * max((y for y in (*values, *ends) if y > 0.0), default=0.0))
+        return [max(y, least) for y in values if y > 0.0] + [y for y in ends if y > least]
     return values + ends
 
 

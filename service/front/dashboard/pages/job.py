@@ -8,6 +8,7 @@ from typing import Any
 from urllib.parse import quote, urlencode
 
 import msgspec
+import numpy as np
 from starlette.requests import Request
 
 from service.analysis import wording
@@ -29,6 +30,7 @@ from service.remote.api.objects import (
     SearchStep,
 )
 from service.remote.client import Client, Refused
+from service.world.scenario.measures import span
 
 ITERATIONS_PAGE = 1000
 CURVE_STEPS = 41
@@ -114,7 +116,7 @@ async def steps_of(site: Site, job: Job) -> Steps:
 async def curve_of(site: Site, job: Job, gammas: Sequence[float] | None = None) -> Curve:
     return await site.link.ask(
         ("curve", job.id, job.status, gammas),
-        lambda client: client.curve(job.id, gammas) if gammas else _default_curve(client, job.id),
+        lambda client: client.curve(job.id, gammas or thresholds_about(job)),
         _keep_s(job),
     )
 
@@ -127,11 +129,10 @@ async def course_of(site: Site, job: Job) -> Course:
     )
 
 
-def _default_curve(client: Client, job: str) -> Curve:
-    """From the API's own range of thresholds, which knows the job's measure."""
-    return msgspec.json.decode(
-        client.get(f"jobs/{quote(job, safe='')}/curve?steps={CURVE_STEPS}"), type=Curve
-    )
+def thresholds_about(job: Job) -> list[float]:
+    """Those that a curve is drawn over, the job's own among them."""
+    low, high = span(job.unit, job.gamma)
+    return sorted({*np.linspace(low, high, CURVE_STEPS).tolist(), job.gamma})
 
 
 def _all_steps(client: Client, job: str) -> list[SearchStep | EstimateStep]:

@@ -18,6 +18,7 @@ from service.remote.client import Client
 
 CAMERA_PICTURES = 24
 FAR = 6.0  # times the threshold (or 0.5), above which the safety measure is not drawn
+NAMES = {"ttc": "time to collision", "ttc-impact": "time to contact"}  # of safety measures, where people have one
 SAID = {
     "scenario": "Scenario file that brings it back to the bit",
     "fcd": "SUMO floating-car data",
@@ -98,7 +99,7 @@ def over_time(playback: Playback) -> list[Chart]:
     time = list(playback.time_s)
     limit = FAR * max(playback.gamma, 0.5)
     near = [value if value is not None and value <= limit else None for value in playback.measured]
-    name = "time to collision" if playback.measure == "ttc" else playback.measure
+    name = NAMES.get(playback.measure, playback.measure)
     unit = f", {playback.unit}" if playback.unit else ""
     least = f"{playback.time_s[playback.worst]:.1f} s" if playback.time_s else "no time"
     ego = next((track for track in playback.tracks if track.role == "ego"), None)

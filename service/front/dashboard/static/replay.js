@@ -221,8 +221,9 @@ function show() {
   by("time").setAttribute("aria-valuetext", `${data.time_s[state].toFixed(1)} seconds`);
   const ego = data.tracks.find((track) => track.role === "ego");
   const about = data.tracks.find((track) => track.role === "threat");
-  const measure = data.measure === "ttc" ? "time to collision" : data.measure;
-  const unit = data.unit ? ` ${data.unit}` : "";
+  const measure = { ttc: "time to collision", "ttc-impact": "time to contact" }[data.measure] ?? data.measure;
+  const [above, below] = data.unit.split(", below 0 ");
+  const unit = ` ${(data.measured[state] !== null && data.measured[state] <= 0 && below) || above}`.trimEnd();
   by("now").textContent = [
     `t = ${data.time_s[state].toFixed(1)} s`,
     `${measure} ${said(data.measured[state], 2, unit)}`,
