@@ -18,7 +18,11 @@ from service.remote.client import Client
 
 CAMERA_PICTURES = 24
 FAR = 6.0  # times the threshold (or 0.5), above which the safety measure is not drawn
-NAMES = {"ttc": "time to collision", "ttc-impact": "time to contact"}  # of safety measures, where people have one
+NAMES = {
+    "ttc": "time to collision",
+    "ttc-impact": "time to contact",
+}  # of safety measures, where people have one
+
 SAID = {
     "scenario": "Scenario file that brings it back to the bit",
     "fcd": "SUMO floating-car data",
