@@ -71,6 +71,7 @@ class JobRecord:
     f: values of the rollouts that the estimate is made of, in its order
     starts: (n, k) of evenly spread rollouts of all phases, the coordinates of x before the drivers' weights; none of
         the method that drives paths
+    starts_f: (n,), f of those
     """
 
     job: Job
@@ -96,6 +97,7 @@ class JobRecord:
     outcome: str | None = None
     f: np.ndarray = field(default_factory=lambda: np.zeros(0))
     starts: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    starts_f: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def planned(self) -> int:
@@ -176,7 +178,7 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None, outcome: st
 
     def told(batch: ce.Batch, f: np.ndarray) -> np.ndarray:
         parameters[batch.phase, batch.iteration] = batch.parameters
-        starts.see(batch)
+        starts.see(batch, f)
         dangerous = f <= threshold if ended_so is None else ended_so(batch)
         if batch.explicit:
             explicit_batches.add((batch.phase, batch.iteration))
@@ -232,6 +234,7 @@ def replay(store: ChunkSource, job: Job, gamma: float | None = None, outcome: st
         outcome=outcome,
         f=f,
         starts=starts.seen,
+        starts_f=starts.f,
         **_totals(job, chunks),
     )
 
@@ -306,14 +309,20 @@ class _Starts:
         self._every = -(-max(rollouts, 1) // KEPT_STARTS)
         self._next = 0  # rows until the next one is kept
         self._kept = [np.zeros((0, self._columns))]
+        self._f = [np.zeros(0)]
 
-    def see(self, batch: ce.Batch) -> None:
+    def see(self, batch: ce.Batch, f: np.ndarray) -> None:
         self._kept.append(batch.x[self._next :: self._every, : self._columns].copy())
+        self._f.append(f[self._next :: self._every].copy())
         self._next = (self._next - len(batch.x)) % self._every
 
     @property
     def seen(self) -> np.ndarray:
         return np.concatenate(self._kept)
+
+    @property
+    def f(self) -> np.ndarray:
+        return np.concatenate(self._f)
 
 
 class _Ended:

@@ -63,7 +63,8 @@ KEYS = (
     "jobs/{job}/iterations", "jobs/{job}/events", "jobs/{job}/pause", "jobs/{job}/resume", "jobs/{job}/failures",
     "jobs/{job}/rollouts", "jobs/{job}/rollouts/0", "jobs/{job}/rollouts/x", "schemas/Job", "jobs/x", "jobs/x/estimate",
     "jobs/x/failures", "jobs/x/rollouts/1", "jobs/x/cancel", "schemas/x",
-    "comparison", "jobs/x/learned", "jobs/x/risk", "jobs/x/report", "jobs/x/report.json", "jobs/x/rollouts/1/export",
+    "comparison", "jobs/x/learned", "jobs/x/scatter", "jobs/x/risk", "jobs/x/report", "jobs/x/report.json",
+    "jobs/x/rollouts/1/export",
 )  # fmt: skip
 
 

@@ -100,7 +100,7 @@ def parameters_of(
     The intervals hold together with the confidence asked for (Bonferroni).
     """
     scenario = record.job.scenario
-    names = _names(scenario)
+    names = names_of(scenario)
     sure = 1.0 - (1.0 - confidence) / len(names)
     return [
         _parameter(scenario, vehicle, key, column, record.problem.base, proposal, draws, ess, sure)
@@ -108,7 +108,12 @@ def parameters_of(
     ]
 
 
-def _names(scenario: Scenario) -> Sequence[tuple[str, str]]:
+def kind_of(vehicle: str, key: str) -> tuple[str, str]:
+    """What a coordinate is called beside others, and its unit. vehicle: "" for the weather."""
+    return KINDS.get(key, ("noise", "") if vehicle else ("weather", UNITS.get(key, "")))
+
+
+def names_of(scenario: Scenario) -> Sequence[tuple[str, str]]:
     """(vehicle, key) of the coordinates of X before the driver weights."""
     names = [(vehicle.name, key) for vehicle in scenario.vehicles for key in scenario.start_names]
     names += [] if scenario.weather is None else [("", key) for key in WEATHER]
@@ -129,7 +134,7 @@ def _parameter(
     ess: float | None,
     sure: float,
 ) -> Parameter:
-    kind, unit = KINDS.get(key, ("noise", "") if vehicle else ("weather", UNITS.get(key, "")))
+    kind, unit = kind_of(vehicle, key)
     before = spread_of(_block(base, column))
     after: Spread | None = None
     half = math.inf

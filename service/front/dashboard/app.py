@@ -25,6 +25,7 @@ from service.front.dashboard.pages import (
     job,
     jobs,
     learned,
+    parameters,
     risk,
     rollout,
     rollouts,
@@ -41,11 +42,14 @@ Handler = Callable[[Request], Awaitable[Response]]
 
 
 class ImmutableFiles(StaticFiles):
-    """Files whose address changes with what they hold."""
+    """Files whose address changes with what they hold, and those that such a script imports, whose does not."""
 
-    def file_response(self, *args: Any, **kwargs: Any) -> Response:
-        response = super().file_response(*args, **kwargs)
-        response.headers["cache-control"] = "public, max-age=31536000, immutable"
+    def file_response(
+        self, full_path: Any, stat_result: Any, scope: Any, *args: Any, **kwargs: Any
+    ) -> Response:
+        response = super().file_response(full_path, stat_result, scope, *args, **kwargs)
+        named = b"v=" in scope.get("query_string", b"")
+        response.headers["cache-control"] = "public, max-age=31536000, immutable" if named else "no-cache"
         return response
 
 
@@ -96,6 +100,9 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
 
     async def rollouts_page(request: Request) -> Response:
         return await site.page(request, "rollouts.html", rollouts.PARTS, await known_job(request))
+
+    async def parameters_page(request: Request) -> Response:
+        return await site.page(request, "parameters.html", parameters.PARTS, await known_job(request))
 
     async def log_page(request: Request) -> Response:
         return await site.page(request, "log.html", job_log.PARTS, await known_job(request))
@@ -173,6 +180,9 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
         parts("/jobs/{job}/failures", *failures.PARTS),
         Route("/jobs/{job}/rollouts", rollouts_page),
         parts("/jobs/{job}/rollouts", *rollouts.PARTS),
+        Route("/jobs/{job}/parameters", parameters_page),
+        parts("/jobs/{job}/parameters", *parameters.PARTS),
+        Route("/jobs/{job}/scatter.json", files.scatter),
         Route("/jobs/{job}/log", log_page),
         parts("/jobs/{job}/log", *job_log.PARTS),
         Route("/jobs/{job}/risk", risk_page),

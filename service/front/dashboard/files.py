@@ -12,7 +12,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from service.analysis.rollout_files import FORMATS
-from service.front.dashboard.pages import rollout
+from service.front.dashboard.pages import parameters, rollout
 from service.front.dashboard.site import Site
 from service.front.dashboard.trouble import PASSING, trouble_of
 from service.remote.client import Client, Refused
@@ -34,6 +34,9 @@ class Files:
 
     async def camera(self, request: Request) -> Response:
         return await _json(lambda: rollout.photographed(self._site, rollout.Asked(request)), "camera")
+
+    async def scatter(self, request: Request) -> Response:
+        return await _json(lambda: parameters.scatter(self._site, request))
 
     async def export(self, request: Request) -> Response:
         asked, form = rollout.Asked(request), request.path_params["form"]
@@ -72,10 +75,11 @@ class Files:
                 await asyncio.sleep(refused.problem.retry_after_s or PAUSE_S)
 
 
-async def _json(ask: Callable[[], Awaitable[Any]], part: str) -> Response:
-    """One part of an answer for the page's script; a problem with its status, and when to ask again."""
+async def _json(ask: Callable[[], Awaitable[Any]], part: str = "") -> Response:
+    """An answer, or one part of it, for the page's script; a problem with its status, and when to ask again."""
     try:
-        found = getattr(await ask(), part)
+        found = await ask()
+        found = getattr(found, part) if part else found
     except Refused as refused:
         trouble = trouble_of(refused)
         headers = {} if trouble.again_s is None else {"retry-after": f"{trouble.again_s:.3f}"}

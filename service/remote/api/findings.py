@@ -9,6 +9,8 @@ from service.analysis.comparison.objects import Comparison
 from service.analysis.exposure import exposure_of
 from service.analysis.learned.learn import learned_of
 from service.analysis.learned.objects import Learned
+from service.analysis.learned.scatter import scatter_of
+from service.analysis.learned.scatter_objects import Scatter
 from service.analysis.report import Made, report_of
 from service.analysis.report.objects import Report
 from service.analysis.risk import Risk, baseline_of, risk_of
@@ -17,12 +19,12 @@ from service.remote.api.files import File
 from service.remote.api.limits import Limits
 from service.remote.api.problems import ApiError, Wrong, short
 from service.remote.api.records import Records
-from service.remote.api.requests import AskComparison, AskLearned, AskReport, AskRisk
+from service.remote.api.requests import AskComparison, AskLearned, AskReport, AskRisk, AskScatter
 from service.remote.api.reruns import Reruns
 
 
 class FindingAnswers:
-    """What is answered on jobs/ID/learned, risk, report, report.json, and on comparison."""
+    """What is answered on jobs/ID/learned, scatter, risk, report, report.json, and on comparison."""
 
     def __init__(self, records: Records, background: Background, limits: Limits, reruns: Reruns):
         self._records, self._background, self._limits = records, background, limits
@@ -37,6 +39,16 @@ class FindingAnswers:
                 return learned_of(job, record, rerunner, rollouts)
 
         return self._background.get(("learned", state, rollouts), compute)
+
+    def scatter(self, asked: AskScatter, job: str) -> Scatter:
+        state, rollouts = self._records.state(job), min(asked.rollouts, self._limits.examine)
+
+        def compute() -> Scatter:
+            record = self._records.record(state)
+            with self._reruns.of(record.job) as rerunner:
+                return scatter_of(job, record, rerunner, rollouts)
+
+        return self._background.get(("scatter", state, rollouts), compute)
 
     def risk(self, asked: AskRisk, job: str) -> Risk:
         baseline = baseline_of(asked.baseline, asked.source)

@@ -170,6 +170,15 @@ class AskLearned(_Request, frozen=True):
     rollouts: Annotated[int, Meta(ge=0, le=10_000)] = 100
 
 
+class AskScatter(_Request, frozen=True):
+    """Parameters of `jobs/ID/scatter`.
+
+    rollouts: dangerous ones at most to run again, for what the drivers did in them (0: none)
+    """
+
+    rollouts: Annotated[int, Meta(ge=0, le=10_000)] = 100
+
+
 class AskRisk(_Request, frozen=True):
     """Parameters of `jobs/ID/risk`.
 

@@ -10,6 +10,7 @@ from service.analysis.coverage.objects import Coverage
 from service.analysis.exports import FORMATS
 from service.analysis.failures.objects import Failures
 from service.analysis.learned.objects import Learned
+from service.analysis.learned.scatter_objects import Scatter
 from service.analysis.prevention.objects import Prevention
 from service.analysis.report.objects import Report
 from service.analysis.risk import Risk
@@ -91,6 +92,8 @@ ROUTES = (
           media=tuple(media for media, _ in FORMATS.values())),
     Route("jobs/{job}/learned", "What the search learned: starts and driving under P0 and under the proposal.",
           "learned", R.AskLearned, Learned),
+    Route("jobs/{job}/scatter", "Coordinates of X and what the drivers did, against f.", "scatter", R.AskScatter,
+          Scatter),
     Route("jobs/{job}/risk", "p in words and as a rate per million km, beside a baseline.", "risk", R.AskRisk, Risk),
     Route("jobs/{job}/report", "The report as one HTML file.", "report", R.AskReport, None, media=("text/html",)),
     Route("jobs/{job}/report.json", "The same facts for programs.", "report_json", R.AskReport, Report),

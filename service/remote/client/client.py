@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from service.analysis.coverage.objects import Coverage
     from service.analysis.failures.objects import Failures
     from service.analysis.learned.objects import Learned
+    from service.analysis.learned.scatter_objects import Scatter
     from service.analysis.prevention.objects import Prevention
     from service.analysis.report.objects import Report
     from service.analysis.risk import Risk
@@ -197,6 +198,12 @@ class Client(Closing):
         from service.analysis.learned.objects import Learned
 
         return self._of(job, "learned", Learned, rollouts=rollouts)
+
+    def scatter(self, job: str, rollouts: int = 100) -> "Scatter":
+        """Coordinates of X and what the drivers did against f; waits while the service runs rollouts again."""
+        from service.analysis.learned.scatter_objects import Scatter
+
+        return self._of(job, "scatter", Scatter, rollouts=rollouts)
 
     def comparison(
         self, jobs: Sequence[str], gamma: float | None = None, examine: int | None = None

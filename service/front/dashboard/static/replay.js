@@ -1,6 +1,7 @@
 // Plays a rollout: the road from above, drawn straight, with the vehicles on it, around the ego.
 
 import { crossAt, seekFrom } from "./charts.js";
+import { fetched } from "./fetched.js";
 
 const player = document.getElementById("player");
 const by = (id) => document.getElementById(id);
@@ -16,26 +17,6 @@ let playing = false;
 let before = 0;
 let pictures = [];
 let colours = {};
-
-async function fetched(address, waiting) {
-  for (;;) {
-    let answer;
-    try {
-      answer = await fetch(address, { headers: { accept: "application/json" } });
-    } catch {
-      waiting("The dashboard cannot be reached; trying again.");
-      await new Promise((done) => setTimeout(done, 3000));
-      continue;
-    }
-    const isJson = answer.headers.get("content-type")?.startsWith("application/json");
-    const body = isJson ? await answer.json() : { title: "The service does not answer", text: "Trying again." };
-    if (answer.status === 200) return body;
-    const again = answer.headers.get("retry-after") ?? (answer.status === 503 ? "3" : null);
-    if (again === null) throw new Error(`${body.title}. ${body.text}`);
-    waiting(`${body.title} …`);
-    await new Promise((done) => setTimeout(done, 1000 * Number(again)));
-  }
-}
 
 function readColours() {
   const style = getComputedStyle(document.documentElement);

@@ -13,6 +13,9 @@ from service.analysis.failures.rerun import Rerun, Rerunner
 from service.analysis.learned.behaviours import KINDS, Driven, behaviours_of, rate_of
 from service.analysis.learned.learn import learned_of
 from service.analysis.learned.objects import Learned, Rate
+from service.analysis.learned.parameters import names_of
+from service.analysis.learned.scatter import F_CELLS, MOST_DANGEROUS, X_CELLS, scatter_of
+from service.analysis.learned.scatter_objects import Scatter
 from service.analysis.learned.spreads import sample_spread, spread_of
 from service.evaluation.evaluate import evaluate
 from service.evaluation.job import Problem, make_job
@@ -165,3 +168,35 @@ def test_a_behaviour_is_told_only_of_enough_rollouts(ess, told):
     found = next(b for b in behaviours_of(before, after, 0.95) if b.name == "lane_changes")
     assert found.sentence.startswith("the drivers change lanes more often") == told
     assert bool(found.sentence) == told
+
+
+# -- parameters against f ---------------------------------------------------------------------------------------
+
+
+def test_every_rollout_of_the_sample_lies_in_a_cell_and_every_dangerous_one_is_told(record):
+    found = scatter_of("r", record, Hurried(record.job), 7)
+    names = names_of(record.job.scenario)
+    assert [axis.name for axis in found.axes[: len(names)]] == [f"{v or 'weather'}.{k}" for v, k in names]
+    assert found.recorded >= found.sampled == len(record.starts_f) > 0
+    for axis in found.axes[: len(names)]:
+        counts = np.array(axis.counts)
+        assert counts.shape == (F_CELLS, X_CELLS)
+        assert counts.sum() == np.isfinite(record.starts_f).sum()
+    assert len(found.dangerous) == min(found.events, MOST_DANGEROUS) > 0
+    assert all(one.f is not None and one.f <= GAMMA for one in found.dangerous)
+    assert [one.f for one in found.dangerous[:5]] == sorted(one.f for one in found.dangerous)[:5]
+    assert all(len(one.values) == len(found.axes) for one in found.dangerous)
+    assert (
+        sum(one.values[-1] is not None for one in found.dangerous) == found.run_again == min(7, found.events)
+    )
+    assert {axis.kind for axis in found.axes[len(names) :]} == {"behaviour"}
+    assert msgspec.json.decode(msgspec.json.encode(found), type=Scatter) == found
+
+
+def test_values_told_of_a_dangerous_rollout_are_those_it_was_drawn_with(record):
+    found = scatter_of("r", record, Hurried(record.job), 0)
+    one = found.dangerous[0]
+    x, _ = record.redraw(one.phase, one.iteration, one.row)
+    np.testing.assert_allclose(one.values, x[: len(one.values)], rtol=1e-5)
+    assert made_up_f(x[None])[0] == one.f
+    assert found.run_again == 0

@@ -190,6 +190,23 @@ def test_any_rollout_is_found_by_its_ending_and_replayed(page, ended: tuple[str,
     page.get_by_text("not dangerous").wait_for()
 
 
+def test_dangerous_rollouts_are_chosen_by_a_parameter_and_replayed(page, ended: tuple[str, str]):
+    page.goto(f"/jobs/{ended[0]}/parameters")
+    rows = page.locator("#chosen tbody tr")
+    rows.first.wait_for()
+    before, lines = rows.count(), page.locator("#parallel polyline").count()
+    assert lines >= before > 1
+    assert page.locator("#scatter .cells rect").count() > 10
+    page.get_by_label("up to").fill(rows.nth(0).locator("td").nth(0).inner_text())  # the lowest f, rounded
+    page.get_by_role("button", name="Choose").click()
+    page.get_by_text("Chosen: ").wait_for()
+    assert rows.count() < before
+    page.get_by_role("button", name="All again").click()
+    assert rows.count() == before
+    rows.first.get_by_role("link", name="Replay").click()
+    page.locator("#stage").wait_for()
+
+
 def test_a_clone_of_an_own_scenario_keeps_it(page, service: Service):
     text = toml_of(load_scenario("i80-paper-10s")).replace("horizon_s = 10.0", "horizon_s = 4.0")
     with Client(f"tcp/127.0.0.1:{service.port}", timeout_s=60.0) as client:
