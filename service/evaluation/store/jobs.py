@@ -44,15 +44,30 @@ from service.evaluation.store.tables import (
 OPEN = ("running", "paused")  # statuses of jobs that are not over
 STATUSES = (*OPEN, "done", "cancelled", "failed", "needs-restart")
 STATUS = "status"  # the kind of event whose last one is the job's status
-_STATUS = (
-    sa.select(events.c.body)
-    .where(events.c.job == jobs.c.id, events.c.kind == STATUS)
-    .order_by(events.c.number.desc())
-    .limit(1)
-    .scalar_subquery()
-    .label("status")
-)
-_WITH_STATUS = sa.select(jobs, _STATUS)
+NOTE = "note"  # and that whose last one is what people say of it
+
+
+def _last(kind: str) -> sa.Label[Any]:
+    """The body of a job's last event of a kind."""
+    query = sa.select(events.c.body).where(events.c.job == jobs.c.id, events.c.kind == kind)
+    return query.order_by(events.c.number.desc()).limit(1).scalar_subquery().label(kind)
+
+
+_STATUS = _last(STATUS)
+_WITH_STATUS = sa.select(jobs, _STATUS, _last(NOTE))
+
+
+class Said(msgspec.Struct, frozen=True):
+    """What people say of a job: words, tags, whether it is put away."""
+
+    text: str = ""
+    tags: tuple[str, ...] = ()
+    archived: bool = False
+
+
+def said_of(body: str | None, job: str) -> Said:
+    """What a job's last note says."""
+    return Said() if body is None else decoded(body, Said, f"the note of job {job}")
 
 
 class JobRow(msgspec.Struct, frozen=True):
@@ -68,6 +83,7 @@ class JobRow(msgspec.Struct, frozen=True):
     status: str
     reason: str  # of the status, where there is one to tell
     max_failed: float = 1.0  # share of failed rollouts that is tolerated
+    note: Said = Said()
 
 
 class Event(msgspec.Struct, frozen=True):
@@ -214,7 +230,8 @@ class JobStore(Closing):
             status = status_of(row.status, row.id, STATUSES)
             job = decoded(row.spec, Job, f"the question of job {row.id}")
             yield JobRow(row.id, row.number, job, row.priority, row.weight, row.label, row.at,
-                         status.status, status.reason, row.max_failed)  # fmt: skip
+                         status.status, status.reason, row.max_failed,
+                         said_of(row.note, row.id))  # fmt: skip
 
     # -- chunks, iterations, audits --------------------------------------------------------------------------
 

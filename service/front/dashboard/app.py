@@ -3,6 +3,7 @@
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
+from functools import partial
 from typing import Any
 from urllib.parse import quote
 
@@ -16,7 +17,7 @@ from starlette.types import ASGIApp
 
 from service.analysis.rollout_files import SUFFIXES
 from service.front.dashboard.files import Files
-from service.front.dashboard.forms import local_path, sent
+from service.front.dashboard.forms import all_sent, local_path, sent
 from service.front.dashboard.guard import Guard
 from service.front.dashboard.pages import (
     compare,
@@ -146,6 +147,28 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
         await site.link.order(lambda client: order(client, name))
         return RedirectResponse(back, 303)
 
+    async def chosen(request: Request) -> Response:
+        """One order for all the jobs that were chosen in the list."""
+        fields = await all_sent(request)
+        given, names = dict(fields), [value for name, value in fields if name == "jobs"]
+        orders = jobs.orders_on(given.get("order", ""), given.get("tag", ""))
+        if orders is None:
+            raise HTTPException(404)
+        known = {one.id: one for one in await jobs.all_jobs(site)}
+        for name in names[: jobs.ROWS]:
+            if name in known:
+                await site.link.order(partial(orders, job=known[name]))
+                site.book.noted(name)
+        return RedirectResponse(local_path(given.get("back", ""), "/"), 303)
+
+    async def note(request: Request) -> Response:
+        name, given = request.path_params["job"], await sent(request)
+        text, tags = given.get("text", "").strip(), given.get("tags", "").split(",")
+        archived = given.get("archived") == "1"
+        await site.link.order(lambda client: client.note(name, text, tags, archived))
+        site.book.noted(name)
+        return RedirectResponse(f"/jobs/{quote(name, safe='')}", 303)
+
     async def events(request: Request) -> Response:
         if site.live.full:
             return PlainTextResponse("Too many pages are open.\n", 503)
@@ -173,7 +196,9 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
         parts("/", jobs.TABLE),
         Route("/submit", submit_page, methods=["GET", "POST"]),
         parts("/submit", *submit.PARTS),
+        Route("/chosen", chosen, methods=["POST"]),
         Route("/jobs/{job}", job_page),
+        Route("/jobs/{job}/note", note, methods=["POST"]),
         Route("/jobs/{job}/{order}", order, methods=["POST"]),
         parts("/jobs/{job}", *job_parts),
         Route("/jobs/{job}/failures", failures_page),

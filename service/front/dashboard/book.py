@@ -16,6 +16,11 @@ class Book:
     def __init__(self, clock: Callable[[], float] = time.monotonic):
         self._clock = clock
         self._jobs: dict[int, Job] = {}
+        self._noted: set[str] = set()
+
+    def noted(self, job: str) -> None:
+        """Something was said of the job, which is read again."""
+        self._noted.add(job)
 
     def read(self, client: Client) -> list[Job]:
         """Every job, in the order of submission: read on from the first that was not over."""
@@ -25,6 +30,9 @@ class Book:
             page = client.jobs(after, PAGE)
             self._jobs |= {job.number: job for job in page.items}
             after = page.next
+        while self._noted:
+            job = client.job(self._noted.pop())
+            self._jobs[job.number] = job
         return list(self._jobs.values())
 
     def forget(self) -> None:

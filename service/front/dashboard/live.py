@@ -34,8 +34,8 @@ class Rates:
     def hear(self, job: str, rollouts: int) -> None:
         now = self._clock()
         seen = self._seen.setdefault(job, deque())
-        if seen and rollouts < seen[-1][1]:
-            seen.clear()  # some were taken out of the record
+        if seen and (rollouts < seen[-1][1] or not seen[-1][1]):
+            seen.clear()  # some were taken out of the record, or workers were starting until now
         seen.append((now, rollouts))
         while now - seen[0][0] > RATE_S and len(seen) > 2:
             seen.popleft()
@@ -96,10 +96,17 @@ class Live:
     """Hears all jobs and tells all listeners.
 
     changed: called in the loop before they are told of a job's new status or batch
+    noted: told of the job that somebody has said something of
     """
 
-    def __init__(self, client: Client, rates: Rates, changed: Callable[[], None] = lambda: None):
-        self._client, self._rates, self._changed = client, rates, changed
+    def __init__(
+        self,
+        client: Client,
+        rates: Rates,
+        changed: Callable[[], None] = lambda: None,
+        noted: Callable[[str], None] = lambda job: None,
+    ):
+        self._client, self._rates, self._changed, self._noted = client, rates, changed, noted
         self._listeners: set[Listener] = set()
         self._events = EventLog()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -198,6 +205,8 @@ class Live:
 
     def _tell(self, job: str, kind: str) -> None:
         self._events.add(job, kind)
+        if kind == "note":
+            self._noted(job)
         if kind != "progress":
             self._changed()
         for listener in self._listeners:

@@ -10,6 +10,7 @@ import uvicorn
 
 from service.errors import InputError
 from service.front.dashboard.app import make_app
+from service.front.dashboard.book import Book
 from service.front.dashboard.impatient import ImpatientProtocol
 from service.front.dashboard.link import Link
 from service.front.dashboard.live import Live, Rates
@@ -45,9 +46,10 @@ class Dashboard:
         self._socket = _listening(host, port)
         self.port: int = self._socket.getsockname()[1]
         rates = Rates()
-        self._live = Live(client, rates, lambda: self._link.forget_passing())
+        book = Book()
+        self._live = Live(client, rates, lambda: self._link.forget_passing(), book.noted)
         self._link = Link(client, self._live.link_changed)
-        site = Site(self._link, self._live, rates, read_only)
+        site = Site(self._link, self._live, rates, read_only, book)
         config = uvicorn.Config(
             make_app(site, names),
             log_config=None,

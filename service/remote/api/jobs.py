@@ -12,12 +12,13 @@ from service.remote.api.catalogue import Catalogue
 from service.remote.api.limits import Limits
 from service.remote.api.objects import OVER, Done, Job, Jobs, JobScenario
 from service.remote.api.problems import ApiError, Wrong, short
-from service.remote.api.requests import Nothing, Page, Submission
+from service.remote.api.requests import AskNote, Nothing, Page, Submission
 from service.remote.fleet.service import Fleet
 from service.remote.fleet.views import JobView
 from service.world.safety.measure import with_measure
 from service.world.scenario.noise_mode import with_noise_mode
 
+MOST_TAGS, LONGEST_TAG = 20, 40
 COMMON = ("budget", "rel_error", "confidence")  # options that have a place of their own in a submission
 # that may be as large as it; other whole numbers are sizes of batches
 OF_THE_BUDGET = ("estimation_rollouts",)
@@ -88,6 +89,11 @@ class JobAnswers:
         self._fleet.resume(job)
         return Done(job=job, order="resume")
 
+    def note(self, asked: AskNote, job: str) -> Done:
+        tags = None if asked.tags is None else _tags(asked.tags)
+        self._fleet.note(job, asked.text, tags, asked.archived)
+        return Done(job=job, order="note")
+
     def _refuse_over(self, job: str, what: str) -> None:
         status = self._fleet.job(job).status
         if status in OVER:
@@ -122,6 +128,16 @@ class JobAnswers:
             msgspec.convert(options, kind)
         except msgspec.ValidationError as error:
             raise ApiError("bad-body", f"options of method {asked.method}: {short(str(error))}") from error
+
+
+def _tags(given: str) -> tuple[str, ...]:
+    """Each once, in order; ApiError where they are too many or too long."""
+    tags = tuple(dict.fromkeys(tag for word in given.split(",") if (tag := word.strip())))
+    if len(tags) > MOST_TAGS or any(len(tag) > LONGEST_TAG for tag in tags):
+        expected = f"at most {MOST_TAGS} words of at most {LONGEST_TAG} characters, separated by commas"
+        wrong = Wrong("tags", short(given), expected)
+        raise ApiError("bad-parameter", f"tags is {short(given)!r}: give {expected}", (wrong,))
+    return tags
 
 
 def wire(view: JobView) -> Job:

@@ -105,6 +105,9 @@ class Job(_Body, frozen=True):
     noise_mode: str = ""
     disputed: bool = False
     max_failed: float = 1.0
+    note: str = ""  # what people say of it
+    tags: tuple[str, ...] = ()
+    archived: bool = False  # put away: left out of lists unless asked for
 
 
 class Jobs(_Body, frozen=True):
@@ -295,7 +298,7 @@ class Done(_Body, frozen=True):
     """The order was taken; the job's status event tells when it is carried out."""
 
     job: str
-    order: Literal["cancel", "pause", "resume"]
+    order: Literal["cancel", "pause", "resume", "note"]
 
 
 class Health(_Body, frozen=True):

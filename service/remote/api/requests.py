@@ -8,6 +8,7 @@ from msgspec import Meta
 from service.evaluation.failed_share import MAX_FAILED
 
 MAX_PAGE = 1000
+MAX_NOTE = 2000  # characters of words about a job
 MAX_ROLLOUTS = 10_000  # of one page
 Seed = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 Share = Annotated[float, Meta(gt=0.0, lt=1.0)]
@@ -65,6 +66,19 @@ class AskCourse(_Request, frozen=True):
 
     points: Annotated[int, Meta(ge=2, le=MAX_PAGE)] = 100
     confidence: Share | None = None
+
+
+class AskNote(_Request, frozen=True):
+    """Parameters of `jobs/ID/note`; what is left out stays as it is.
+
+    text: what is to be known of the job
+    tags: words to find it by, separated by commas, in place of those that it has
+    archived: whether it is left out of lists unless asked for
+    """
+
+    text: Annotated[str, Meta(max_length=MAX_NOTE)] | None = None
+    tags: Annotated[str, Meta(max_length=MAX_NOTE)] | None = None
+    archived: bool | None = None
 
 
 class RolloutsPage(_Request, frozen=True):

@@ -102,6 +102,8 @@ ROUTES = (
     Route("jobs/{job}/cancel", "End a job for good.", "cancel", R.Nothing, O.Done, order=True),
     Route("jobs/{job}/pause", "Run none of a job's rollouts until it is resumed.", "pause", R.Nothing, O.Done,
           order=True),
+    Route("jobs/{job}/note", "Keep words about a job, its tags, and whether it is put away.", "note", R.AskNote, O.Done,
+          order=True),
     Route("jobs/{job}/resume", "Go on with a job.", "resume", R.Nothing, O.Done, order=True),
 )  # fmt: skip
 

@@ -240,6 +240,17 @@ class Client(Closing):
     def resume(self, job: str) -> O.Done:
         return self._of(job, "resume", O.Done)
 
+    def note(
+        self,
+        job: str,
+        text: str | None = None,
+        tags: Sequence[str] | None = None,
+        archived: bool | None = None,
+    ) -> O.Done:
+        """Keep words about the job, tags to find it by, and whether it is left out of lists; None: as it is."""
+        words = None if tags is None else ",".join(tags)
+        return self._of(job, "note", O.Done, text=text, tags=words, archived=archived)
+
     def watch(
         self, job: str, after: int = 0, on_silence: Callable[[float], None] = lambda silent_s: None
     ) -> Iterator[O.Event]:

@@ -4,6 +4,7 @@ A request is a number for somebody who waits for an answer; the hub knows who.
 """
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from service.evaluation.store import Chunk, Origin
 from service.evaluation.store.jobs import AuditRow
@@ -75,6 +76,15 @@ class Paused:
 @dataclass(frozen=True)
 class Resumed:
     job: str
+
+
+@dataclass(frozen=True)
+class Told:
+    """Somebody has something to say about a job, which is to be kept."""
+
+    job: str
+    kind: str
+    body: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -152,7 +162,7 @@ class Tick:
 
 
 Event = (
-    Submitted | Opened | Stepped | Broken | Cancelled | Paused | Resumed | Requested | Garbled | Gone | Recorded
+    Submitted | Opened | Stepped | Broken | Cancelled | Paused | Resumed | Told | Requested | Garbled | Gone | Recorded
     | StoreTrouble | StoreWell | Voided | Settled | Tick
 )  # fmt: skip
 

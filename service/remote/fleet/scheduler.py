@@ -97,6 +97,8 @@ class Scheduler:
                 self._lifecycle.paused(event)
             case E.Resumed():
                 self._lifecycle.resumed(event)
+            case E.Told(job, kind, body):
+                self._state.instructions.append(E.Publish(job, kind, body))
             case E.Requested():
                 self._protocol.requested(event)
             case E.Garbled():

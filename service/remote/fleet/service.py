@@ -19,7 +19,7 @@ from service.evaluation.job import Job
 from service.evaluation.listing import Listing, Wanted, listing_of
 from service.evaluation.record import JobRecord, replay
 from service.evaluation.so_far import ESTIMATE, begun, state_after
-from service.evaluation.store.jobs import Event, JobRow, Mark
+from service.evaluation.store.jobs import NOTE, Event, JobRow, Mark
 from service.evaluation.store.log import AuditLog
 from service.evaluation.store.reader import JobReader
 from service.evaluation.summary import Cost, summary_of
@@ -131,6 +131,23 @@ class Fleet:
 
     def resume(self, job: str) -> None:
         self._post(job, E.Resumed(job))
+
+    def note(
+        self,
+        job: str,
+        text: str | None = None,
+        tags: tuple[str, ...] | None = None,
+        archived: bool | None = None,
+    ) -> None:
+        """Keep words about a job, its tags, and whether it is put away; None: as it is. Earlier ones are kept."""
+        known = self._row(job).note
+        changes = {"text": text, "tags": tags, "archived": archived}
+        said = msgspec.structs.replace(known, **{k: v for k, v in changes.items() if v is not None})
+        if said == known:
+            return
+        self._hub.post(E.Told(job, NOTE, msgspec.to_builtins(said)))
+        for _ in range(2):  # what is to be written is written between two looks
+            self._hub.call(lambda scheduler: None).result()
 
     # -- what they come to -----------------------------------------------------------------------------------
 
@@ -275,7 +292,7 @@ class Fleet:
                        measure_kind(job.scenario.safety.measure).unit, job.method, job.options,
                        job.seed, row.priority, row.weight, row.at, row.status, row.reason, rollouts, leases,
                        refusals, job.scenario.safety.measure, job.scenario.drivers.noise_mode,
-                       disputed, row.max_failed)  # fmt: skip
+                       disputed, row.max_failed, row.note.text, row.note.tags, row.note.archived)  # fmt: skip
 
 
 def _progress(scheduler: Scheduler) -> dict[str, Progress]:

@@ -34,6 +34,9 @@ class JobView(msgspec.Struct, frozen=True):
     noise_mode: str = ""
     disputed: bool = False  # workers disagree on some of its rollouts, and it is not settled yet
     max_failed: float = 1.0  # share of failed rollouts that is tolerated
+    note: str = ""
+    tags: tuple[str, ...] = ()
+    archived: bool = False
 
 
 class RunningChunk(msgspec.Struct, frozen=True, kw_only=True):

@@ -35,7 +35,7 @@ from service.world.scenario.measures import span
 ITERATIONS_PAGE = 1000
 CURVE_STEPS = 41
 PRELIMINARY_S = 0.25  # after which the last batch's record stands for the estimate
-ALL_KINDS = ("status", "iteration", "progress")
+ALL_KINDS = ("status", "iteration", "progress", "note")
 
 
 async def job_of(site: Site, request: Request) -> Job:

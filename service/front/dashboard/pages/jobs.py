@@ -12,7 +12,7 @@ from starlette.requests import Request
 from service.front.dashboard.link import FOR_GOOD_S, MOMENT_S
 from service.front.dashboard.site import Part, Site
 from service.remote.api.objects import OVER, STATUSES, Estimate, Job
-from service.remote.client import NoAnswer, Refused
+from service.remote.client import Client, NoAnswer, Refused
 
 ROWS = 25  # on a page
 ESTIMATE_S = 2.0  # that the table of a page waits for estimates that are not at hand
@@ -54,12 +54,18 @@ Key = Callable[[Row], Any]
 SORTS: dict[str, tuple[str, Key, bool]] = {
     "newest": ("submitted", lambda row: row.job.number, True),
     "state": ("state", lambda row: STATUSES.index(row.job.status), False),
+    "label": ("label", lambda row: row.job.label.lower() or None, False),
     "scenario": ("scenario", lambda row: row.job.scenario, False),
     "ego": ("ego", lambda row: row.job.ego, False),
     "method": ("method", lambda row: row.job.method, False),
     "gamma": ("threshold", lambda row: row.job.gamma, False),
+    "p": ("p", lambda row: None if row.estimate is None else row.estimate.p, True),
     "rollouts": ("rollouts", lambda row: row.rollouts, True),
+    "pace": ("pace", lambda row: row.per_s, True),
+    "cost": ("cost", lambda row: None if row.estimate is None else row.estimate.worker_s, True),
 }
+BY_ESTIMATE = ("p", "cost", "rollouts")  # sorted by what all estimates come to
+MOST_SORTED = 200  # jobs, the newest, whose estimates are asked for to sort by them
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,8 @@ class Asked:
     scenario: str = ""
     ego: str = ""
     method: str = ""
+    tag: str = ""
+    archived: bool = False
     sort: str = "newest"
     turned: bool = False
     page: int = 1
@@ -86,6 +94,8 @@ class Asked:
             scenario=given.get("scenario", ""),
             ego=given.get("ego", ""),
             method=given.get("method", ""),
+            tag=given.get("tag", ""),
+            archived=given.get("archived") == "1",
             sort=sort if sort in SORTS else "newest",
             turned=given.get("turned") == "1",
             page=int(page) if page.isascii() and page.isdigit() and len(page) < 8 and int(page) else 1,
@@ -94,7 +104,7 @@ class Asked:
     def address(self, **changes: Any) -> str:
         """The address of the same list with something changed."""
         values = {name: getattr(self, name) for name in self.__dataclass_fields__} | changes
-        values["turned"] = "1" if values["turned"] else ""
+        values |= {name: "1" if values[name] else "" for name in ("turned", "archived")}
         query = {
             k: v
             for k, v in values.items()
@@ -104,14 +114,21 @@ class Asked:
 
     @property
     def filtered(self) -> bool:
-        return bool(self.search or self.state or self.scenario or self.ego or self.method)
+        return bool(self.search or self.state or self.scenario or self.ego or self.method or self.tag)
+
+    def by(self, sort: str) -> str:
+        """The address of the same list sorted by a column, or by the same the other way round."""
+        return self.address(sort=sort, turned=not self.turned if sort == self.sort else False, page=1)
 
     def fits(self, job: Job) -> bool:
         for name, value in (("status", self.state), ("scenario", self.scenario), ("ego", self.ego),
                             ("method", self.method)):  # fmt: skip
             if value and getattr(job, name) != value:
                 return False
-        text = " ".join((job.id, job.label, job.scenario, job.ego, job.method, job.status)).lower()
+        if (self.tag and self.tag not in job.tags) or (job.archived and not self.archived):
+            return False
+        said = (job.id, job.label, job.scenario, job.ego, job.method, job.status, job.note, *job.tags)
+        text = " ".join(said).lower()
         return all(word in text for word in self.search.lower().split())
 
 
@@ -122,7 +139,10 @@ async def all_jobs(site: Site) -> list[Job]:
 async def table(site: Site, request: Request) -> dict[str, Any]:
     """A page of the list."""
     asked, jobs = Asked.of(request), await all_jobs(site)
-    rows = in_order([row_of(site, job, None) for job in jobs if asked.fits(job)], asked)
+    fitting = [job for job in jobs if asked.fits(job)]
+    newest = sorted(fitting, key=lambda job: -job.number)[:MOST_SORTED] if asked.sort in BY_ESTIMATE else []
+    first = await estimates_of(site, newest)
+    rows = in_order([row_of(site, job, first.get(job.id)) for job in fitting], asked)
     pages = max(math.ceil(len(rows) / ROWS), 1)
     page = min(asked.page, pages)
     shown = rows[(page - 1) * ROWS : page * ROWS]
@@ -135,13 +155,15 @@ async def table(site: Site, request: Request) -> dict[str, Any]:
         "page": page,
         "pages": pages,
         "asked": asked,
-        "again_s": AGAIN_S if len(estimates) < len(shown) else None,
+        "again_s": AGAIN_S if len(estimates) < len(shown) or len(first) < len(newest) else None,
+        "put_away": sum(job.archived for job in jobs),
         "sorts": SORTS,
         "choices": {
             "state": STATUSES,
             "scenario": sorted({job.scenario for job in jobs}),
             "ego": sorted({job.ego for job in jobs}),
             "method": sorted({job.method for job in jobs}),
+            "tag": sorted({tag for job in jobs for tag in job.tags}),
         },
     }
 
@@ -188,4 +210,21 @@ async def estimate_of(site: Site, job: Job) -> Estimate:
     )
 
 
-TABLE = Part("jobs", "Jobs", table, ("status", "iteration", "progress"), every_s=None)
+def orders_on(order: str, tag: str) -> Callable[..., Any] | None:
+    """What an order on chosen jobs asks of the service for each `job`; None for one that there is not."""
+    tag = tag.replace(",", " ").strip()[:40]
+
+    def tagged(client: Client, job: Job) -> None:
+        client.note(job.id, tags=[*job.tags, tag])
+
+    known: dict[str, Callable[..., Any]] = {
+        "cancel": lambda client, job: client.cancel(job.id),
+        "archive": lambda client, job: client.note(job.id, archived=True),
+        "bring-back": lambda client, job: client.note(job.id, archived=False),
+        "tag": tagged if tag else lambda client, job: None,
+        "untag": lambda client, job: client.note(job.id, tags=[one for one in job.tags if one != tag]),
+    }
+    return known.get(order)
+
+
+TABLE = Part("jobs", "Jobs", table, ("status", "iteration", "progress", "note"), every_s=None)

@@ -11,7 +11,7 @@ import sqlalchemy as sa
 import ce
 from service.errors import StoreError
 from service.evaluation.store import Chunk, Origin
-from service.evaluation.store.jobs import AuditRow, JobStore
+from service.evaluation.store.jobs import NOTE, AuditRow, JobStore, Said
 from service.evaluation.store.tables import jobs
 from tests.service.evaluation.store.test_directory import chunk
 
@@ -51,6 +51,16 @@ def test_the_last_status_counts_and_all_are_kept(store):
     assert [e.number for e in store.events("a", after=1)] == [2, 3]
     assert [row.id for row in store.jobs_with(["paused"])] == ["a"]
     assert store.jobs_with(["running"]) == []
+
+
+def test_the_last_note_counts_and_earlier_ones_are_kept(store, job):
+    store.add_job("j", job, 0, 1.0, "", "done")
+    assert store.job("j").note == Said()
+    store.add_event("j", NOTE, {"text": "first", "tags": ["a"], "archived": False})
+    store.add_event("j", NOTE, {"text": "second"})
+    assert store.job("j").note == Said("second")
+    assert [event.body["text"] for event in store.events_of("j", NOTE)] == ["first", "second"]
+    assert store.jobs()[-1].note.text == "second"
 
 
 def test_jobs_are_listed_with_their_status_in_one_query(store, job):

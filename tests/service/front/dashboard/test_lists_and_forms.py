@@ -14,7 +14,7 @@ from service.front.dashboard.book import Book
 from service.front.dashboard.forms import MOST_BYTES, local_path, sent
 from service.front.dashboard.live import Rates
 from service.front.dashboard.pages.job import command_of
-from service.front.dashboard.pages.jobs import Asked, Row, in_order
+from service.front.dashboard.pages.jobs import Asked, Row, in_order, orders_on
 from service.front.dashboard.pages.submit import Field, Form, _as_given, _field, _with_errors, filled
 from service.remote.api import objects as O
 from service.remote.api.objects import Job, Jobs, JobScenario
@@ -70,6 +70,44 @@ def test_jobs_that_are_over_are_not_read_again():
     assert [one.status for one in book.read(client)] == ["done", "cancelled", "done", "done"]
     book.read(client)
     assert client.asked == [0, 1, 4]
+
+
+def test_a_job_that_somebody_noted_is_read_again_though_it_is_over():
+    client = Pages([job(1), job(2)])
+    client.job = lambda name: job(2, note="look", tags=("night",))
+    book = Book()
+    book.read(client)
+    book.noted("j2")
+    assert [one.note for one in book.read(client)] == ["", "look"]
+
+
+def test_archived_jobs_are_left_out_and_tags_and_notes_are_searched():
+    old, tagged = job(1, archived=True), job(2, tags=("night",), note="Looks odd")
+    assert not Asked().fits(old)
+    assert Asked(archived=True).fits(old)
+    assert Asked(tag="night").fits(tagged)
+    assert not Asked(tag="day").fits(tagged)
+    assert Asked(search="NIGHT odd").fits(tagged)
+
+
+def test_a_column_sorts_and_once_more_the_other_way_round():
+    asked = Asked(search="x", page=3)
+    assert asked.by("p") == "/?search=x&sort=p"
+    assert Asked(sort="p").by("p") == "/?sort=p&turned=1"
+
+
+def test_orders_on_the_chosen_jobs():
+    told: list[tuple] = []
+
+    class Told:
+        def note(self, name, **more):
+            told.append((name, more))
+
+    tagged = job(3, tags=("night",))
+    for order, tag in (("tag", "a,b"), ("untag", "night"), ("archive", ""), ("tag", "")):
+        orders_on(order, tag)(Told(), job=tagged)
+    assert told == [("j3", {"tags": ["night", "a b"]}), ("j3", {"tags": []}), ("j3", {"archived": True})]
+    assert orders_on("explode", "") is None
 
 
 def test_a_list_of_many_pages_is_read_whole():

@@ -42,6 +42,17 @@ def test_a_mark_too_long_ago_leads_nowhere():
     assert told.since(mark) is None
 
 
+def test_the_pace_begins_with_the_first_rollouts_and_not_while_workers_start():
+    now = [0.0]
+    rates = Rates(lambda: now[0])
+    for now[0], rollouts in ((0.0, 0), (8.0, 0), (20.0, 10)):
+        rates.hear("j1", rollouts)
+    assert rates.of("j1") is None
+    now[0] = 21.0
+    rates.hear("j1", 40)
+    assert rates.of("j1") == 30.0
+
+
 def first_told(live: Live, job: str | None, since: str) -> tuple[str, Any]:
     """Name and data of the first event about jobs that a browser hears."""
 

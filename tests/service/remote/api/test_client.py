@@ -31,6 +31,21 @@ def cli(service, *args: str) -> tuple[int, str]:
     return result.exit_code, result.output
 
 
+def test_what_is_said_of_a_job_stays_and_tells_whoever_listens(service, client: Client) -> None:
+    job = client.submit("i80-paper-10s", 0.5, **JOB, seed=12)
+    client.cancel(job.id)
+    with client.subscribe() as heard:
+        client.note(job.id, "look; at=this", ["night", "rain"])
+        assert b'"note"' in next(body for body in iter(lambda: heard.get(20.0), None) if b'"note"' in body)
+    client.note(job.id, archived=True)
+    found = client.job(job.id)
+    assert (found.note, found.tags, found.archived) == ("look; at=this", ("night", "rain"), True)
+    client.note(job.id, tags=[])
+    assert client.job(job.id).tags == ()
+    with pytest.raises(Refused, match="at most 20 words"):
+        client.note(job.id, tags=[f"t{i}" for i in range(21)])
+
+
 def test_a_job_from_submission_to_estimate(service, client: Client) -> None:
     job = client.submit("i80-paper-10s", 0.5, **JOB, seed=11, label="typed")
     kinds = [(event.kind, event.body.get("status")) for event in client.watch(job.id)]
