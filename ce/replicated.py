@@ -113,16 +113,27 @@ class ReplicatedEstimate(Estimate):
     def curve(self, gammas: ArrayLike) -> Curve:
         """p, standard error and pointwise interval at each threshold (m,)."""
         gammas = np.atleast_1d(np.asarray(gammas, dtype=np.float64))
-        m, runs = gammas.size, self._replications
-        nan = np.full(m, math.nan)
+        runs = self._replications
         if runs < 2:
-            return Curve(
-                gammas, nan, nan, np.zeros(m), np.ones(m), np.zeros(m, dtype=np.int64), np.zeros(m), nan
-            )
+            return Curve.unknown(gammas)
         values, counts = self._values(gammas)
         p = np.minimum(values.mean(axis=0), 1.0)
-        std_error = values.std(axis=0, ddof=1) / math.sqrt(runs)
+        spread = values.std(axis=0, ddof=1) / math.sqrt(runs)
         t = float(stdtrit(runs - 1, 0.5 + 0.5 * self._interval_confidence))
+        std_error, low, high, ess = self._around(gammas, p, spread, counts, t)
+        failed = self._weights[np.isnan(self.f)].sum() / runs
+        nan = np.full(gammas.size, math.nan)
+        return Curve(gammas, p, std_error, low, np.minimum(high + failed, 1.0), counts, ess, nan)
+
+    def _around(
+        self, gammas: Array, p: Array, std_error: Array, counts: NDArray[np.int64], t: float
+    ) -> tuple[Array, Array, Array, Array]:
+        """Standard error, both ends of the interval and effective number of events at each threshold (m,).
+
+        std_error: of the mean over the replications (m,)
+        counts: events behind p (m,)
+        t: Student's, for the interval
+        """
         some = p > 0
         relative = np.where(some, std_error / np.where(some, p, 1.0), 0.0)
         relative = np.where(some, np.maximum(relative, self._relative_floor(gammas)), 0.0)
@@ -130,9 +141,8 @@ class ReplicatedEstimate(Estimate):
         low, high = p * np.exp(-t * relative), np.minimum(p * np.exp(t * relative), 1.0)
         low, high = self._with_counts(p, low, high)
         high = np.where(some, high, self._bound())
-        failed = self._weights[np.isnan(self.f)].sum() / runs
         ess = np.where(relative > 0, np.where(relative > 0, relative, 1.0) ** -2.0, counts)
-        return Curve(gammas, p, std_error, low, np.minimum(high + failed, 1.0), counts, ess, nan)
+        return std_error, low, high, ess
 
     def _relative_floor(self, gammas: Array) -> Array:
         """Relative standard error at each threshold (m,), by the levels down to it: the square root of the sum of

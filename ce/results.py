@@ -64,6 +64,13 @@ class Curve:
     ess: Array
     pareto_k: Array
 
+    @classmethod
+    def unknown(cls, gammas: Array) -> "Curve":
+        """Where nothing is known yet: intervals from 0 to 1."""
+        m = gammas.size
+        nan = np.full(m, math.nan)
+        return cls(gammas, nan, nan, np.zeros(m), np.ones(m), np.zeros(m, dtype=np.int64), np.zeros(m), nan)
+
 
 @dataclass(frozen=True)
 class Trace:

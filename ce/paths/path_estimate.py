@@ -5,13 +5,11 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.special import stdtrit
+from numpy.typing import NDArray
 
 from ce.estimate_warnings import EstimateWarning
 from ce.interval import clopper_pearson
 from ce.replicated import ReplicatedEstimate
-from ce.results import Curve
 
 Array = NDArray[np.float64]
 
@@ -107,28 +105,18 @@ class PathEstimate(ReplicatedEstimate):
             return math.nan
         return self.p * (1.0 - self.p) / paths / self.std_error**2
 
-    def curve(self, gammas: ArrayLike) -> Curve:
-        """p, standard error and pointwise interval at each threshold (m,); above the aimed one more widely spread."""
-        gammas = np.atleast_1d(np.asarray(gammas, dtype=np.float64))
-        m, runs = gammas.size, self.batches
-        nan = np.full(m, math.nan)
-        if runs < 2:
-            return Curve(
-                gammas, nan, nan, np.zeros(m), np.ones(m), np.zeros(m, dtype=np.int64), np.zeros(m), nan
-            )
-        values, counts = self._values(gammas)
-        p = np.minimum(values.mean(axis=0), 1.0)
-        std_error = values.std(axis=0, ddof=1) / math.sqrt(runs)
+    def _around(
+        self, gammas: Array, p: Array, std_error: Array, counts: NDArray[np.int64], t: float
+    ) -> tuple[Array, Array, Array, Array]:
+        """As of any replications, but above the aimed threshold more widely spread."""
         largest = np.array([self._largest_root(g) for g in gammas])
-        t = float(stdtrit(runs - 1, 0.5 + 0.5 * self._interval_confidence))
         some = p > 0
         one = np.where(some, p, 1.0)
         low = np.where(some, p * np.exp(-t * std_error / one), 0.0)
         top = one + largest
         high = np.where(some, top * np.exp(t * np.hypot(std_error, largest) / top), self._bound())
-        failed = float(self._weights[np.isnan(self.f)].sum()) / runs
         ess = np.where(std_error > 0, (p / np.where(std_error > 0, std_error, 1.0)) ** 2, counts)
-        return Curve(gammas, p, std_error, low, np.minimum(high + failed, 1.0), counts, ess, nan)
+        return std_error, low, high, ess
 
     def _largest_root(self, gamma: float) -> float:
         """What the root that carries most adds to p."""

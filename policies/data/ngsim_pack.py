@@ -69,12 +69,17 @@ def _numbers(table: pl.DataFrame, *names: str) -> pl.DataFrame:
     return table.with_columns(pl.col(n).cast(pl.String).cast(pl.Float64).cast(pl.Int64) for n in names)
 
 
+def _of_one(source: str, recording: str) -> Iterator[pl.Expr]:
+    """The first columns of a source that is one recording."""
+    yield pl.lit(source).alias("source")
+    yield pl.lit(recording).alias("recording")
+    yield pl.col("vehicle_id")
+
+
 def _coifman(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
     yield finish(
         t.select(
-            pl.lit("coifman").alias("source"),
-            pl.lit("i80-cam6-0400-0415").alias("recording"),
-            "vehicle_id",
+            *_of_one("coifman", "i80-cam6-0400-0415"),
             pl.col("frame_id").alias("frame"),
             (pl.col("local_y_ft") * FT).alias("x_rear_m"),
             pl.col("lane_id").alias("lane"),
@@ -111,9 +116,7 @@ def _durraniu(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
     t = _numbers(t, "vehicle_id", "v_class", "lane_id", "preceding")
     yield finish(
         t.select(
-            pl.lit("durraniu").alias("source"),
-            pl.lit("i80-pairs-0400-0415").alias("recording"),
-            "vehicle_id",
+            *_of_one("durraniu", "i80-pairs-0400-0415"),
             pl.col("frame_id").round().alias("frame"),
             pl.col("local_y").alias("x_front_m"),
             (-pl.col("local_x")).alias("y_m"),
@@ -159,9 +162,7 @@ def _zhu(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
 def _smarts(t: pl.DataFrame) -> Iterator[pl.DataFrame]:
     yield finish(
         t.select(
-            pl.lit("smarts").alias("source"),
-            pl.lit("i80-200-actors").alias("recording"),
-            "vehicle_id",
+            *_of_one("smarts", "i80-200-actors"),
             (pl.col("sim_time") * 10.0).round().alias("frame"),
             pl.col("position_x").alias("x_m"),
             pl.col("position_y").alias("y_m"),

@@ -18,8 +18,11 @@ from typing import Generic, TypeVar
 from service.errors import WorkerError
 from service.evaluation.parent import end_with_parent
 
+DIED = "the process that ran it died"
 Task = TypeVar("Task")
 Result = TypeVar("Result")
+Part = TypeVar("Part")
+Outcome = TypeVar("Outcome")
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,18 @@ class TaskKind(Generic[Task, Result]):
     parts: Callable[[Task], Sequence[Task]]
     joined: Callable[[Sequence[Result]], Result]
     lost: Callable[[Task], Result]
+
+
+def of_lists(
+    run: Callable[[list[Part]], list[Outcome]], lost: Callable[[Part], Outcome]
+) -> TaskKind[list[Part], list[Outcome]]:
+    """Tasks that are lists of parts, and that have a result for each of them."""
+    return TaskKind(
+        run,
+        parts=lambda task: [[part] for part in task],
+        joined=lambda results: [one for result in results for one in result],
+        lost=lambda task: [lost(part) for part in task],
+    )
 
 
 def _spawned() -> BaseContext:

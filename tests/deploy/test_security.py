@@ -135,24 +135,23 @@ def test_a_worker_can_neither_submit_nor_read_jobs(scheduler, session_of):
     assert scheduler.put == []
 
 
-def test_a_client_submits_and_reads_and_follows_events(scheduler, session_of):
-    client = session_of("client")
-    assert answers(client, JOB) == [b"granted"]
+def assert_follows_events(scheduler, session, key):
+    """A session whose queries at `key` are granted is told what jobs do."""
+    assert answers(session, key) == [b"granted"]
     received = zenoh.handlers.FifoChannel(8)
-    subscriber = client.declare_subscriber("tailroad/v1/jobs/*/events", received)
-    assert answers(client, JOB) == [b"granted"]  # the subscription has arrived
+    subscriber = session.declare_subscriber("tailroad/v1/jobs/*/events", received)
+    assert answers(session, key) == [b"granted"]  # the subscription has arrived
     scheduler.tell(b"news")
     assert subscriber.recv().payload.to_bytes() == b"news"
+
+
+def test_a_client_submits_and_reads_and_follows_events(scheduler, session_of):
+    assert_follows_events(scheduler, session_of("client"), JOB)
 
 
 def test_a_reader_asks_below_read_and_follows_events_and_does_nothing_else(scheduler, session_of):
     reader = session_of("reader")
-    assert answers(reader, READ) == [b"granted"]
-    received = zenoh.handlers.FifoChannel(8)
-    subscriber = reader.declare_subscriber("tailroad/v1/jobs/*/events", received)
-    assert answers(reader, READ) == [b"granted"]  # the subscription has arrived
-    scheduler.tell(b"news")
-    assert subscriber.recv().payload.to_bytes() == b"news"
+    assert_follows_events(scheduler, reader, READ)
     for key in ("tailroad/v1/jobs", JOB, f"{JOB}/cancel", f"{JOB}/pause", WORK, "tailroad/v1/**"):
         assert [r for r in reader.get(key, payload=b"{}", timeout=PATIENCE_S) if r.ok] == []
     scheduler.put.clear()

@@ -6,7 +6,7 @@ export_bytes    the same in a process of its own, for one form, as bytes
 """
 
 from service.analysis.exports.apart import export_bytes
-from service.analysis.exports.write import Exports, write_exports
+from service.analysis.exports.write import Files, write_exports
 from service.analysis.rollout_files import FORMATS, SUFFIXES
 
-__all__ = ["FORMATS", "SUFFIXES", "Exports", "export_bytes", "write_exports"]
+__all__ = ["FORMATS", "SUFFIXES", "Files", "export_bytes", "write_exports"]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from service.analysis.exports.write import Exports, write_exports, write_forms
+from service.analysis.exports.write import Files, write_exports, write_forms
 from service.analysis.failures.rerun import Rerun, rerun
 from service.analysis.rollout_files import SUFFIXES
 from service.errors import InputError, WorkerError
@@ -30,19 +30,19 @@ def export_bytes(job: Job, x: np.ndarray, noise_seed: Noise, title: str, form: s
         ProcessPoolExecutor(1, context_for(job.ego), initializer=end_with_parent) as pool,
     ):
         path = Path(folder) / f"rollout{SUFFIXES[form]}"
-        files = Exports(**{form: path})
+        files = {form: path}
         try:
             if not job.ego.startswith(HERE):
                 pool.submit(_export, job, x, noise_seed, title, files).result()
             else:  # in a fork, which has this process's locks, only what needs the ego
-                again = pool.submit(_look, job, x, noise_seed, files.fcd).result()
+                again = pool.submit(_look, job, x, noise_seed, files.get("fcd")).result()
                 write_forms(Problem(job), again, x, noise_seed, title, files)
         except BrokenProcessPool as error:
             raise WorkerError("the process that ran the rollout again died") from error
         return path.read_bytes()
 
 
-def _export(job: Job, x: np.ndarray, noise_seed: Noise, title: str, files: Exports) -> None:
+def _export(job: Job, x: np.ndarray, noise_seed: Noise, title: str, files: Files) -> None:
     write_exports(Problem(job), x, noise_seed, title, files)
 
 

@@ -1,6 +1,6 @@
 """One rollout once more, written in every form asked for."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -16,31 +16,13 @@ from service.errors import SimulationError
 from service.evaluation.job import Problem
 from service.world.scenario.noise import Noise
 
-
-@dataclass(frozen=True)
-class Exports:
-    """Files to write.
-
-    scenario: a scenario file that holds the rollout
-    fcd: SUMO's floating-car data
-    mp4: a film
-    mcap: a recording for viewers of robot logs
-    table: every vehicle at every step, as Parquet
-    openscenario: ASAM OpenSCENARIO XML 1.3, the vehicles on their trajectories
-    road: ASAM OpenDRIVE, which the OpenSCENARIO file then names; in the same folder
-    """
-
-    scenario: Path | None = None
-    fcd: Path | None = None
-    mp4: Path | None = None
-    mcap: Path | None = None
-    table: Path | None = None
-    openscenario: Path | None = None
-    road: Path | None = None
+# Files to write, by form: those of `rollout_files.FORMATS`, and "road", ASAM OpenDRIVE, which the OpenSCENARIO file in
+# the same folder then names.
+Files = Mapping[str, Path]
 
 
 def write_exports(
-    problem: Problem, x: np.ndarray, noise_seed: Noise, title: str, files: Exports, camera: bool = True
+    problem: Problem, x: np.ndarray, noise_seed: Noise, title: str, files: Files, camera: bool = True
 ) -> Rerun:
     """Run the rollout of x (d,) and its noise seed again and write the files; what it came to.
 
@@ -48,7 +30,7 @@ def write_exports(
 
     SUMO allows one simulation a process. Raises SimulationError where the rollout fails.
     """
-    with problem.simulator(fcd=files.fcd) as simulator:
+    with problem.simulator(fcd=files.get("fcd")) as simulator:
         again = rerun(problem, simulator, x, noise_seed)
     write_forms(problem, again, x, noise_seed, title, files, camera)
     return again
@@ -60,7 +42,7 @@ def write_forms(
     x: np.ndarray,
     noise_seed: Noise,
     title: str,
-    files: Exports,
+    files: Files,
     camera: bool = True,
 ) -> None:
     """Write the files of a rollout that was run again: all but the floating-car data, and without SUMO."""
@@ -68,20 +50,20 @@ def write_forms(
     if trace is None:
         raise SimulationError(f"the rollout failed: {again.error}")
     text = scenario_text(problem, x, noise_seed, again.f, title)
-    if files.scenario is not None:
-        files.scenario.write_text(text, encoding="utf-8")
-    if files.table is not None:
-        write_table(trace, files.table)
-    if files.openscenario is not None:
-        road = None if files.road is None else files.road.name
-        write_openscenario(trace, files.openscenario, title, datetime.now(UTC), road)
-    if files.road is not None:
-        write_opendrive(problem.corridor.net_path, files.road)
-    if files.mcap is not None:
+    road = files.get("road")
+    if path := files.get("scenario"):
+        path.write_text(text, encoding="utf-8")
+    if path := files.get("table"):
+        write_table(trace, path)
+    if path := files.get("openscenario"):
+        write_openscenario(trace, path, title, datetime.now(UTC), None if road is None else road.name)
+    if road is not None:
+        write_opendrive(problem.corridor.net_path, road)
+    if path := files.get("mcap"):
         rays = problem.job.scenario.safety.rays
-        write_recording(trace, problem.corridor, files.mcap, problem.job.gamma, rays, {"scenario.toml": text})
-    if files.mp4 is not None:
+        write_recording(trace, problem.corridor, path, problem.job.gamma, rays, {"scenario.toml": text})
+    if path := files.get("mp4"):
         from service.analysis.video import EgoView, write_video
 
         view = EgoView(problem.job.scenario, problem.corridor, x, int(noise_seed)) if camera else None
-        write_video(trace, problem.corridor, files.mp4, title, view)
+        write_video(trace, problem.corridor, path, title, view)

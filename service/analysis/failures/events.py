@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -55,6 +55,17 @@ class Events:
     def ranks(self, order: Order) -> dict[int, int]:
         """The rank of each position in an order of `ranking`, from 1 on."""
         return {position: rank for rank, position in enumerate(self.ranking(order).tolist(), start=1)}
+
+    def located(self, i: int) -> dict[str, Any]:
+        """Where the rollout at a position was drawn, its f and its share, as findings say it."""
+        ((_, noise_seed),) = self.drawn([i])
+        return {
+            "iteration": int(self.iterations[i]),
+            "row": int(self.rows[i]),
+            "noise_seed": str(noise_seed),
+            "f": float(self.f[i]),
+            "share": float(self.share[i]),
+        }
 
     def drawn(self, positions: Iterable[int]) -> list[tuple[np.ndarray, Noise]]:
         """x (d,) and noise of some of them, drawn again just as their batches were."""

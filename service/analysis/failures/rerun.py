@@ -12,7 +12,7 @@ from service.analysis.failures.lapses import Lapse, lapse_of
 from service.analysis.failures.motion import Motion, motion_of
 from service.analysis.trace import Trace, record
 from service.evaluation.job import Job, Problem
-from service.evaluation.process_pool import ProcessPool, TaskKind
+from service.evaluation.process_pool import DIED, ProcessPool, of_lists
 from service.evaluation.processes import context_for
 from service.world.safety.contact import Contact
 from service.world.scenario.noise import Noise
@@ -140,19 +140,7 @@ def _run(part: Wanted) -> list[Rerun]:
     ]
 
 
-def _each(part: Wanted) -> list[Wanted]:
-    return [[one] for one in part]
-
-
-def _all(parts: Sequence[list[Rerun]]) -> list[Rerun]:
-    return [again for part in parts for again in part]
-
-
-def _lost(part: Wanted) -> list[Rerun]:
-    return [Rerun(np.nan, "error", "the process that ran it died") for _ in part]
-
-
-RERUNS = TaskKind(_run, _each, _all, _lost)
+RERUNS = of_lists(_run, lambda part: Rerun(np.nan, "error", DIED))
 
 
 def rerun(problem: Problem, simulator: Simulator, x: np.ndarray, noise_seed: Noise) -> Rerun:

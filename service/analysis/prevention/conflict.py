@@ -12,7 +12,7 @@ from service.analysis.failures.motion import Motion, motion_of
 from service.analysis.prevention.onset import Onset, onset_of
 from service.analysis.trace import Trace, record
 from service.evaluation.job import Job, Problem
-from service.evaluation.process_pool import ProcessPool, TaskKind
+from service.evaluation.process_pool import DIED, ProcessPool, of_lists
 from service.evaluation.processes import context_for
 from service.world.egos.handover import Handover
 from service.world.egos.here import HERE
@@ -156,16 +156,4 @@ def _run(part: _Part) -> list[Conflict]:
     return [_world.look(*draw, _ttc_s) for _, draw in part]
 
 
-def _each(part: _Part) -> list[_Part]:
-    return [[one] for one in part]
-
-
-def _all(parts: Sequence[list[Conflict]]) -> list[Conflict]:
-    return [look for part in parts for look in part]
-
-
-def _lost(part: _Part) -> list[Conflict]:
-    return [Conflict(np.nan, "error", "the process that ran it died") for _ in part]
-
-
-LOOKS = TaskKind(_run, _each, _all, _lost)
+LOOKS = of_lists(_run, lambda part: Conflict(np.nan, "error", DIED))

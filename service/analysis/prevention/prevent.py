@@ -144,17 +144,12 @@ def _part(examined: Examined, member: np.ndarray) -> Part:
 
 def _told(events: Events, i: int, one: Conflict, rank: int, mode: str) -> Prevented:
     record = events.record
-    ((_, noise_seed),) = events.drawn([i])
     other = None if one.onset is None else one.onset.other
     return Prevented(
         rank=rank,
-        iteration=int(events.iterations[i]),
-        row=int(events.rows[i]),
-        noise_seed=str(noise_seed),
-        f=float(events.f[i]),
+        **events.located(i),
         same_to_the_bit=same_bits(one.f, float(events.f[i])),
         outcome=one.outcome,
-        share=float(events.share[i]),
         mode=mode,
         other=None if other is None else record.job.scenario.vehicles[other].name,
         onset=one.onset,

@@ -135,9 +135,8 @@ def p_against_gamma(facts: Facts, jobs: Sequence[Facts]) -> Picture:
         ink.log_axis(axes, "y")
         if x[0] > 0:
             ink.log_axis(axes, "x", lambda v: f"{v:g}")
-        axes.set_xlabel(f"threshold γ on f: {measure_words(facts['scenario']['measure'])}")
-        axes.set_ylabel("probability of f ≤ γ")
-        axes.legend(loc="lower right")
+        words = measure_words(facts["scenario"]["measure"])
+        _label(axes, f"threshold γ on f: {words}", "probability of f ≤ γ")
         return ink.picture(
             drawn,
             "The same question for other thresholds",
@@ -148,6 +147,13 @@ def p_against_gamma(facts: Facts, jobs: Sequence[Facts]) -> Picture:
             f"search aims at γ = {quantity(gamma, unit)}, so its curve is widest, and least to be relied on, far from "
             "there. Values below the axis are not shown.",
         )
+
+
+def _label(axes: Any, x: str, y: str) -> None:
+    """Axes of what rises with f, so that the legend has room in the corner below."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    axes.legend(loc="lower right")
 
 
 def _mark_threshold(axes: Any, gamma: float, unit: str) -> None:
@@ -191,9 +197,7 @@ def values_of_f(records: Sequence[JobRecord]) -> Picture:
         if lowest > 0:
             ink.log_axis(axes, "x", lambda v: f"{v:g}")
         ink.log_axis(axes, "y", lambda v: percent(v, 1))
-        axes.set_xlabel(f"f of a rollout: {measure}")
-        axes.set_ylabel("rollouts with f at most this")
-        axes.legend(loc="lower right")
+        _label(axes, f"f of a rollout: {measure}", "rollouts with f at most this")
         return ink.picture(
             drawn,
             "What the simulated rollouts were like",

@@ -147,15 +147,10 @@ def _injury(examined: Examined, is_hit: np.ndarray, risks: Sequence[float]) -> I
 
 def _told(examined: Examined, i: int, hit: _Hit, rank: int, mode: str) -> Severe:
     events = examined.events
-    ((_, noise_seed),) = events.drawn([i])
     contact = hit.contact
     return Severe(
         rank=rank,
-        iteration=int(events.iterations[i]),
-        row=int(events.rows[i]),
-        noise_seed=str(noise_seed),
-        f=float(events.f[i]),
-        share=float(events.share[i]),
+        **events.located(i),
         mode=mode,
         other=hit.other,
         contact=contact,

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.text import Text
 
 from service.analysis.coverage.objects import Cell, Coverage
 from service.analysis.wording import percent, significant
+from service.front.cli.heads import headed
 from service.front.cli.options import echo_found, json_option
 from service.front.cli.runs import method_option, run_argument
 from service.front.cli.tables import dense
@@ -41,9 +41,8 @@ def command(run: Path, method: str | None, domain: Path | None, page: Path | Non
 
 
 def _print(found: Coverage) -> None:
-    console = Console()
-    console.print(f"\n{found.run}: scenario {found.scenario}, ego {found.ego}; {found.looked_at:,} rollouts and "
-                  f"{found.examined:,} of {found.events:,} dangerous ones", highlight=False)  # fmt: skip
+    counts = f"{found.looked_at:,} rollouts and {found.examined:,} of {found.events:,} dangerous ones"
+    console = headed(found, counts, highlight=False)
     table = dense(
         "", "of P0", "of rollouts", "of p", f"{found.confidence:.0%} interval", "times as\ndangerous"
     )

@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 from service.analysis.criticality.objects import Criticality
 from service.analysis.failures.events import Order
 from service.analysis.wording import percent, significant
+from service.front.cli.heads import headed
 from service.front.cli.options import echo_found, json_option, workers_option
 from service.front.cli.runs import method_option, order_option, run_argument
 from service.front.cli.tables import dense
@@ -38,9 +38,8 @@ def command(
 
 
 def _print(found: Criticality) -> None:
-    console = Console()
-    console.print(f"\n{found.run}: scenario {found.scenario}, ego {found.ego}; {len(found.rollouts):,} of "
-                  f"{found.events:,} dangerous rollouts", highlight=False)  # fmt: skip
+    counts = f"{len(found.rollouts):,} of {found.events:,} dangerous rollouts"
+    console = headed(found, counts, highlight=False)
     table: Table = dense("rank", "of p", "other", "TTC", "WTTC", "TTB", "TTR", "too late to\nbrake, react", "BTN",
                          "TET", "TIT")  # fmt: skip
     for one in found.rollouts:

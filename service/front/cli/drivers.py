@@ -12,7 +12,14 @@ from service.analysis.run.bars import progress_bar, stderr
 from service.errors import InputError
 from service.evaluation.cores import core_count
 from service.front.cli.main import INTERRUPTED
-from service.front.cli.options import FOLDER, json_option, seed_option, workers_option
+from service.front.cli.options import (
+    FOLDER,
+    json_option,
+    out_option,
+    pages_option,
+    seed_option,
+    workers_option,
+)
 
 
 @click.group()
@@ -76,10 +83,8 @@ def card(
 @click.option("--leaks", type=click.Choice(["forced", "drawn"]), default="forced", show_default=True,
               help="forced: at every glance that a conflict suppresses, also drive on as if it had not; rare contacts "
               "come sooner, for every epsilon at once. drawn: as it happens.")  # fmt: skip
-@click.option("--out", type=FOLDER, default=Path("runs/driver-rates"),
-              show_default=True, help="Keeps the counts; the same command goes on from there.")  # fmt: skip
-@click.option("--pages", type=FOLDER, help="Where the page is written.  "
-              "[default: OUT]")  # fmt: skip
+@out_option("runs/driver-rates", "Keeps the counts")
+@pages_option("OUT")
 @workers_option()
 @seed_option()
 @json_option()

@@ -100,14 +100,19 @@ def command(
     """
     count = workers or core_count()
     with progress_bar() as bar:
-        tell = Shown(bar, count)
+        how: dict[str, Any] = {
+            "workers": count,
+            "progress": Shown(bar, count),
+            "max_failed": max_failed,
+            "in_sumo": in_sumo,
+        }
         try:
             if resume is not None:
                 if scenario is not None or out is not None:
                     raise InputError(
                         "--resume takes everything from the run directory; leave out SCENARIO and --out"
                     )
-                run = go_on(resume, workers=count, progress=tell, max_failed=max_failed, in_sumo=in_sumo)
+                run = go_on(resume, **how)
             else:
                 if gamma is None:
                     raise InputError(
@@ -122,11 +127,8 @@ def command(
                     method=methods or METHOD,
                     options={k: v for k, v in flags.items() if v is not None} | dict(map(option_of, options)),
                     out=out,
-                    workers=count,
-                    progress=tell,
-                    max_failed=max_failed,
-                    in_sumo=in_sumo,
                     new=True,
+                    **how,
                     **asked,
                 )
         except Interrupted as stopped:

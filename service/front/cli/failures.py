@@ -4,7 +4,6 @@ from functools import partial
 from pathlib import Path
 
 import click
-from rich.console import Console
 
 from service.analysis.failures.events import Order
 from service.analysis.failures.find import find_failures
@@ -14,6 +13,7 @@ from service.analysis.run.bars import counted
 from service.analysis.run.records import record_of
 from service.analysis.wording import quantity, significant
 from service.evaluation.cores import core_count
+from service.front.cli.heads import headed
 from service.front.cli.options import echo_found, json_option, workers_option
 from service.front.cli.runs import examine_option, method_option, order_option, outcome_option, run_argument
 from service.front.cli.tables import dense
@@ -47,10 +47,8 @@ def command(
 
 
 def _print(run: Path, found: Failures) -> None:
-    console = Console()
-    console.print(
-        f"\n{found.run}: scenario {found.scenario}, ego {found.ego}, {found.method}; "
-        f"{_event(found)} in {found.events:,} rollouts, {found.examined:,} of them grouped"
+    console = headed(
+        found, f"{_event(found)} in {found.events:,} rollouts, {found.examined:,} of them grouped"
     )
     if found.modes:
         level = f"{found.confidence:.0%} interval"

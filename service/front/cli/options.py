@@ -95,6 +95,16 @@ def max_failed_option() -> Callable:
                         "first, 1: never.")  # fmt: skip
 
 
+def out_option(default: str, holds: str) -> Callable:
+    """`--out` of a command that goes on from what it has kept there. holds: what that is."""
+    return click.option("--out", type=FOLDER, default=Path(default), show_default=True,
+                        help=f"{holds}; the same command goes on from there.")  # fmt: skip
+
+
+def pages_option(default: str) -> Callable:
+    return click.option("--pages", type=FOLDER, help=f"Where the page is written.  [default: {default}]")
+
+
 def json_option() -> Callable:
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
 

@@ -5,7 +5,6 @@ from functools import partial
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -15,6 +14,7 @@ from service.analysis.prevention.onset import TTC_S
 from service.analysis.prevention.prevent import DEFAULT
 from service.analysis.run.bars import counted
 from service.analysis.wording import quantity, significant
+from service.front.cli.heads import headed
 from service.front.cli.options import echo_found, json_option, require_folder, workers_option
 from service.front.cli.runs import examine_option, method_option, order_option, run_argument
 from service.front.cli.tables import whole
@@ -92,11 +92,8 @@ def _film(
 
 
 def _print(run: Path, found: Prevention) -> None:
-    console = Console()
-    console.print(
-        f"\n{found.run}: scenario {found.scenario}, ego {found.ego}, {found.method}; "
-        f"f <= {quantity(found.gamma, found.unit)} in {found.events:,} rollouts, {found.examined:,} driven again"
-    )
+    event = f"f <= {quantity(found.gamma, found.unit)}"
+    console = headed(found, f"{event} in {found.events:,} rollouts, {found.examined:,} driven again")
     if found.examined:
         console.print(_summary(found))
         console.print(_modes(found))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from service.analysis.exports import Exports, write_exports
+from service.analysis.exports import write_exports
 from service.analysis.exports.opendrive import MISSING, netconvert
 from service.analysis.failures.events import ORDERS, Order, events_of
 from service.analysis.failures.objects import Failure
@@ -17,6 +17,15 @@ from service.front.cli.runs import method_option, outcome_option, run_argument
 from service.world.scenario.measures import measure_kind, unit_at
 
 FILE = click.Path(dir_okay=False, path_type=Path)
+# forms that a rollout is written in, and the option of each
+OPTIONS = {
+    "mp4": "--video",
+    "fcd": "--fcd",
+    "table": "--trace",
+    "scenario": "--scenario",
+    "mcap": "--recording",
+    "openscenario": "--openscenario",
+}
 
 
 @click.command()
@@ -26,13 +35,13 @@ FILE = click.Path(dir_okay=False, path_type=Path)
 @outcome_option()
 @click.option("--by", "order", type=click.Choice(ORDERS), default="likelihood", show_default=True,
               help="The order that RANK counts in, as of `tailroad failures`.")  # fmt: skip
-@click.option("--video", type=FILE, help="Film: from above and from the ego's camera (.mp4).")
+@click.option("--video", "mp4", type=FILE, help="Film: from above and from the ego's camera (.mp4).")
 @click.option("--fcd", type=FILE, help="SUMO's floating-car data (.xml).")
 @click.option("--trace", "table", type=FILE, help="Every vehicle at every step (.parquet).")
-@click.option("--scenario", "scenario_file", type=FILE, help="A scenario file that holds this one rollout (.toml): "
+@click.option("--scenario", type=FILE, help="A scenario file that holds this one rollout (.toml): "
               "`tailroad rollout FILE` runs it to the same bit.")  # fmt: skip
 @click.option(
-    "--recording", type=FILE, help="A recording (.mcap) for Foxglove and other viewers of robot logs."
+    "--recording", "mcap", type=FILE, help="A recording (.mcap) for Foxglove and other viewers of robot logs."
 )
 @click.option("--openscenario", type=FILE, help="ASAM OpenSCENARIO XML 1.3 (.xosc), each vehicle on its trajectory, "
               "for esmini and other players; the road beside it (.xodr) where netconvert is installed.")  # fmt: skip
@@ -43,25 +52,13 @@ def command(
     method: str | None,
     outcome: str | None,
     order: Order,
-    video: Path | None,
-    fcd: Path | None,
-    table: Path | None,
-    scenario_file: Path | None,
-    recording: Path | None,
-    openscenario: Path | None,
     as_json: bool,
+    **asked: Path | None,
 ) -> None:
     """Run the dangerous rollout of RUN at RANK of `tailroad failures` again, and export it."""
-    files = {
-        "--video": video,
-        "--fcd": fcd,
-        "--trace": table,
-        "--scenario": scenario_file,
-        "--recording": recording,
-        "--openscenario": openscenario,
-    }
-    for what, path in files.items():
-        require_folder(path, what)
+    files = {form: path for form in OPTIONS if (path := asked[form]) is not None}
+    for form, path in files.items():
+        require_folder(path, OPTIONS[form])
     record, _ = record_of(run, method, None, outcome)
     events = events_of(record)
     if not len(events):
@@ -71,20 +68,12 @@ def command(
     position = int(events.ranking(order)[rank - 1])
     ((x, noise_seed),) = events.drawn([position])
     title = f"{run.name}, rank {rank} by {order}" + (f" of those with {outcome}" if outcome else "")
-    road = None if openscenario is None or netconvert() is None else openscenario.with_suffix(".xodr")
-    if openscenario is not None and road is None:
-        click.echo(f"{openscenario}: {MISSING}", err=True)
-    files["road"] = road
-    exports = Exports(
-        scenario=scenario_file,
-        fcd=fcd,
-        mp4=video,
-        mcap=recording,
-        table=table,
-        openscenario=openscenario,
-        road=road,
-    )
-    again = write_exports(record.problem, x, noise_seed, title, exports)
+    if openscenario := files.get("openscenario"):
+        if netconvert() is None:
+            click.echo(f"{openscenario}: {MISSING}", err=True)
+        else:
+            files["road"] = openscenario.with_suffix(".xodr")
+    again = write_exports(record.problem, x, noise_seed, title, files)
     failure = failure_of(events, position, again, rank)
     if as_json:
         echo_json(failure)
@@ -99,8 +88,7 @@ def command(
         + _contact(failure)
     )
     for path in files.values():
-        if path is not None:
-            click.echo(path)
+        click.echo(path)
 
 
 def _contact(failure: Failure) -> str:

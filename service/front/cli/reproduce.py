@@ -11,7 +11,15 @@ from service.analysis.run.bars import progress_bar, stderr
 from service.errors import InputError
 from service.evaluation.cores import core_count
 from service.front.cli.main import INTERRUPTED
-from service.front.cli.options import FOLDER, connect_option, seed_option, workers_option, zenoh_config_option
+from service.front.cli.options import (
+    FOLDER,
+    connect_option,
+    out_option,
+    pages_option,
+    seed_option,
+    workers_option,
+    zenoh_config_option,
+)
 from service.studies.reproduce.black_box import black_box
 from service.studies.reproduce.local import Watch, carry_out
 from service.studies.reproduce.page import Page, page_of, page_of_several, write_page
@@ -34,10 +42,8 @@ REPORT_EVERY_S = 60.0  # where standard error is no terminal
 @click.option("--scale", type=click.Choice(SCALES), default="small", show_default=True,
               help="smoke: seconds; small: minutes; medium: an hour; large: hours; paper: the sizes of the "
               "paper.")  # fmt: skip
-@click.option("--out", type=FOLDER, default=Path("runs/reproduce"),
-              show_default=True, help="Holds the run directories; the same command goes on from there.")  # fmt: skip
-@click.option("--pages", type=FOLDER, help="Where the page is written.  "
-              "[default: OUT/pages]")  # fmt: skip
+@out_option("runs/reproduce", "Holds the run directories")
+@pages_option("OUT/pages")
 @click.option("--truths", type=FOLDER, help="Where ground truths accumulate.  "
               "[default: OUT/truths]")  # fmt: skip
 @click.option("--sumo", is_flag=True, help="Run every rollout in SUMO. Without it SUMO is left out where it can be, "

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -13,6 +12,7 @@ from service.analysis.severity.objects import Injury, Likely, Severity
 from service.analysis.severity.severe import SPEEDS_MPS
 from service.analysis.wording import significant
 from service.errors import InputError
+from service.front.cli.heads import headed
 from service.front.cli.options import echo_found, json_option, workers_option
 from service.front.cli.runs import examine_option, method_option, order_option, run_argument
 from service.front.cli.tables import whole
@@ -65,11 +65,8 @@ def command(
 
 
 def _print(found: Severity) -> None:
-    console = Console()
-    console.print(
-        f"\n{found.run}: scenario {found.scenario}, ego {found.ego}, {found.method}; {found.contact.events:,} contacts "
-        f"among {found.examined:,} of {found.events:,} dangerous rollouts"
-    )
+    among = f"{found.examined:,} of {found.events:,} dangerous rollouts"
+    console = headed(found, f"{found.contact.events:,} contacts among {among}")
     table = Table("of a rollout", "contacts", whole(f"p, {found.confidence:.0%} interval"))
     table.add_row("contact", *_cells(found.contact))
     for one in found.at_least:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import msgspec
 
-from service.analysis.exports import Exports, write_exports
+from service.analysis.exports import write_exports
 from service.analysis.failures.events import events_of
 from service.analysis.failures.find import Found, find_failures
 from service.analysis.failures.rerun import Rerunner
@@ -158,6 +158,6 @@ def _films(
         film = f"{number_}-{mode.mode}.mp4"
         title = f"f = {events.f[position]:.3f} s: {mode.name}"
         tell(f"film {film}", 0)
-        write_exports(record.problem, x, noise_seed, title, Exports(mp4=folder / film))
+        write_exports(record.problem, x, noise_seed, title, {"mp4": folder / film})
         written.append(film)
     return tuple(written)

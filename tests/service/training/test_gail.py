@@ -6,17 +6,10 @@ import torch
 
 from policies import layout as O
 from policies.data.scenes import Scene, straight_lanes
+from service.training import gail
 from service.training.adversary import GailSettings, Sampled, train_adversarially
 from service.training.demonstrations import recorded_rows
 from service.training.ensemble import FLOOR_SD
-from service.training.gail import (
-    Discriminator,
-    discriminator_loss,
-    drive,
-    reward_loss,
-    safety_loss,
-    trajectory_loss,
-)
 from service.training.graphical_lasso import cross_validated, graphical_lasso
 from service.training.head_spread import lasso_spread
 from service.training.network import DriverNet, input_statistics
@@ -95,10 +88,10 @@ def test_windows_fit_into_the_recording(scene):
 def test_the_recorded_policy_stays_on_its_trajectory(scene):
     batch = window(scene)
     noise = torch.zeros(20, 5, DRIVEN, 2)
-    driven = drive(as_recorded, batch.state, batch.road, noise, batch.used, batch.replay)
+    driven = gail.drive(as_recorded, batch.state, batch.road, noise, batch.used, batch.replay)
     assert driven.alive.min() == 1.0
-    assert trajectory_loss(driven, batch) < 1e-6
-    assert safety_loss(driven) == 0.0
+    assert gail.trajectory_loss(driven, batch) < 1e-6
+    assert gail.safety_loss(driven) == 0.0
 
 
 def test_losses_tell_where_to_go(scene, rows):
@@ -110,8 +103,10 @@ def test_losses_tell_where_to_go(scene, rows):
         outputs = as_recorded(seen)
         return torch.cat([outputs[..., :2] + action, outputs[..., 2:]], dim=-1)
 
-    driven = drive(policy, batch.state, batch.road, torch.zeros(15, 5, DRIVEN, 2), batch.used, batch.replay)
-    (gradient,) = torch.autograd.grad(trajectory_loss(driven, batch), action)
+    driven = gail.drive(
+        policy, batch.state, batch.road, torch.zeros(15, 5, DRIVEN, 2), batch.used, batch.replay
+    )
+    (gradient,) = torch.autograd.grad(gail.trajectory_loss(driven, batch), action)
     assert gradient[0] > 0.0
     assert gradient[1] > 0.0
 
@@ -122,16 +117,16 @@ def test_vehicles_after_an_incident_no_longer_count(scene):
     def swerve(seen: torch.Tensor) -> torch.Tensor:
         return as_recorded(seen) + torch.tensor([0.0, 6.0, 0.0, 0.0])
 
-    driven = drive(swerve, batch.state, batch.road, torch.zeros(40, 5, DRIVEN, 2), batch.used, None)
+    driven = gail.drive(swerve, batch.state, batch.road, torch.zeros(40, 5, DRIVEN, 2), batch.used, None)
     assert driven.alive[0].min() == 1.0
     assert driven.alive[-1].max() == 0.0
-    assert safety_loss(driven) > 0.0
+    assert gail.safety_loss(driven) > 0.0
 
 
 def test_the_discriminator_learns_and_rewards_the_recorded(scene, rows):
     net = network(rows)
     torch.manual_seed(0)
-    discriminator = Discriminator(net.mean, net.scale)
+    discriminator = gail.Discriminator(net.mean, net.scale)
     steps = torch.optim.Adam(discriminator.parameters(), lr=3e-3)
     batch = window(scene)
     draws, rng = torch.Generator().manual_seed(2), np.random.default_rng(2)
@@ -140,16 +135,18 @@ def test_the_discriminator_learns_and_rewards_the_recorded(scene, rows):
         return as_recorded(seen) - torch.tensor([1.5, 0.0, 0.0, 0.0])
 
     noise = torch.zeros(10, 5, DRIVEN, 2)
-    wrong = drive(braking, batch.state, batch.road, noise, batch.used, batch.replay)
-    right = drive(as_recorded, batch.state, batch.road, noise, batch.used, batch.replay)
+    wrong = gail.drive(braking, batch.state, batch.road, noise, batch.used, batch.replay)
+    right = gail.drive(as_recorded, batch.state, batch.road, noise, batch.used, batch.replay)
     for _ in range(60):
         seen, action = rows.draw(128, rng)
-        loss, told_recorded, told_own = discriminator_loss(discriminator, wrong, seen, action, 128, draws)
+        loss, told_recorded, told_own = gail.discriminator_loss(
+            discriminator, wrong, seen, action, 128, draws
+        )
         steps.zero_grad()
         loss.backward()
         steps.step()
     assert min(told_recorded, told_own) > 0.9
-    assert reward_loss(discriminator, right) < reward_loss(discriminator, wrong)
+    assert gail.reward_loss(discriminator, right) < gail.reward_loss(discriminator, wrong)
 
 
 SMALL = GailSettings(horizons=(3, 6), updates=10, windows=2, road_starts=2, rows=64, warm_up=2, rate=1e-3)

@@ -10,16 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from service.analysis.comparison.objects import (
-    Comparison,
-    Curves,
-    Difference,
-    Line,
-    ModeChange,
-    ModeSide,
-    Pair,
-    Side,
-)
+from service.analysis.comparison import objects as C
 from service.analysis.exposure import Exposure
 from service.analysis.failures.objects import Failure, Failures, Mode
 from service.analysis.risk import rate_of
@@ -140,19 +131,19 @@ def test_a_comparison_keeps_its_intervals_and_the_names_of_runs_whole(capsys):
     names = [f"i80-10s-lidar-20261130-20482{n}" for n in range(4)]
     ci = (1.2e-4, 9.8e-4)
     sides = tuple(
-        Side(name=name, run=name, scenario="i80-paper-10s", ego="sumo:Krauss", method="splitting", seed=1,
+        C.Side(name=name, run=name, scenario="i80-paper-10s", ego="sumo:Krauss", method="splitting", seed=1,
              rollouts=200_000, events=12_345, ess=1234.5, p=4.56e-4, std_error=1e-5, ci=ci, warnings=())
         for name in names
     )  # fmt: skip
-    difference = Difference(difference=-1.23e-4, difference_ci=(-9.8e-4, -1.2e-4), ratio=0.5, ratio_ci=(0.123, None),
+    difference = C.Difference(difference=-1.23e-4, difference_ci=(-9.8e-4, -1.2e-4), ratio=0.5, ratio_ci=(0.123, None),
                             paired=True, how="bounds", clear=True)  # fmt: skip
-    side = ModeSide(events=12, p=4.56e-4, ci=ci)
+    side = C.ModeSide(events=12, p=4.56e-4, ci=ci)
     mode = "ego-lane-change-front"
-    change = ModeChange(mode=mode, name="", a=side, b=side, difference=difference, change="unclear")
-    pair = Pair(a=0, b=1, difference=difference, draws=None, modes=(change,), summary="so", said="so")
-    line = Line(p=(), low=(), high=())
-    compare._print(Comparison(gamma=0.5, unit="s", confidence=0.95, sides=sides, pairs=(pair,), notes=(),
-                              curves=Curves(gamma=(), sides=(line,) * 4)))  # fmt: skip
+    change = C.ModeChange(mode=mode, name="", a=side, b=side, difference=difference, change="unclear")
+    pair = C.Pair(a=0, b=1, difference=difference, draws=None, modes=(change,), summary="so", said="so")
+    line = C.Line(p=(), low=(), high=())
+    compare._print(C.Comparison(gamma=0.5, unit="s", confidence=0.95, sides=sides, pairs=(pair,), notes=(),
+                              curves=C.Curves(gamma=(), sides=(line,) * 4)))  # fmt: skip
     told = capsys.readouterr().out
     assert max(map(len, told.splitlines())) <= 80
     assert told.count("1.2 × 10⁻⁴ to 9.8 × 10⁻⁴") == 4
