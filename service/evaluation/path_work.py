@@ -15,7 +15,7 @@ import numpy as np
 import ce
 from service.errors import SimulationError
 from service.evaluation.job import Job, Problem
-from service.evaluation.process_pool import ProcessPool, TaskKind
+from service.evaluation.process_pool import OnProcesses, ProcessPool, TaskKind
 from service.evaluation.processes import context_for
 from service.evaluation.store import FAILED
 from service.world.paths.process import HighwayPaths
@@ -148,19 +148,13 @@ def _lost(work: PathWork) -> PathAnswer:
 PATHS = TaskKind(_run, _rows, _joined, _lost)
 
 
-class PathPool:
+class PathPool(OnProcesses[PathWork, PathAnswer]):
     """Worker processes for the paths of one job, started when first needed; use as a context manager."""
 
     def __init__(self, job: Job, workers: int, segments: int):
         """segments: of a whole path."""
         self._parts = functools.partial(_parts, segments=segments, gamma=job.gamma)
-        self._processes = ProcessPool(workers, PATHS, _open_worker, (job,), lambda: context_for(job.ego))
-
-    def __enter__(self) -> "PathPool":
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        self._processes.close(kill=kind is not None)
+        super().__init__(ProcessPool(workers, PATHS, _open_worker, (job,), lambda: context_for(job.ego)))
 
     def run(self, batch: ce.paths.PathBatch) -> PathAnswer:
         """Drive a batch's roots: the same bits for any number of workers."""

@@ -11,7 +11,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from service.evaluation.job import Job, compiled, in_sumo
-from service.evaluation.process_pool import ProcessPool, TaskKind
+from service.evaluation.process_pool import OnProcesses, ProcessPool, TaskKind
 from service.evaluation.processes import context_for
 from service.evaluation.store import FAILED, Chunk, failed_chunk
 from service.world.sim.rollout import OUTCOMES, Rollout
@@ -110,19 +110,13 @@ def _joined(parts: Sequence[Chunk]) -> Chunk:
 CHUNKS = TaskKind(_run, _rows, _joined, _lost)
 
 
-class LocalPool:
+class LocalPool(OnProcesses[Work, Chunk]):
     """Worker processes for one job; use as a context manager."""
 
     def __init__(self, job: Job, workers: int, open_world: OpenWorld = compiled):
-        self._processes = ProcessPool(
-            workers, CHUNKS, _open_worker, (job, open_world), lambda: context_for(job.ego)
+        super().__init__(
+            ProcessPool(workers, CHUNKS, _open_worker, (job, open_world), lambda: context_for(job.ego))
         )
-
-    def __enter__(self) -> "LocalPool":
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        self._processes.close(kill=kind is not None)
 
     def warm_up(self) -> None:
         """Start the workers and let the first one compile the kernels for all."""

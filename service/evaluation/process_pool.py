@@ -13,7 +13,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing.context import BaseContext
-from typing import Generic, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 from service.errors import WorkerError
 from service.evaluation.parent import end_with_parent
@@ -22,6 +22,7 @@ DIED = "the process that ran it died"
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 Part = TypeVar("Part")
+Numbered = TypeVar("Numbered", bound=tuple[Any, ...])
 Outcome = TypeVar("Outcome")
 
 
@@ -170,3 +171,44 @@ def _open_worker(open_worker: Callable[..., None], *arguments: object) -> None:
     end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
     open_worker(*arguments)
+
+
+class OnProcesses(Generic[Task, Result]):
+    """What runs tasks in worker processes; a context manager, whose end ends them, and at once after an error."""
+
+    def __init__(self, processes: ProcessPool[Task, Result]):
+        self._processes = processes
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._processes.close(kill=kind is not None)
+
+    def close(self) -> None:
+        """End the processes; they are started again when they are needed again."""
+        self._processes.close()
+
+
+class NumberedParts(OnProcesses[list[Numbered], list[Outcome]]):
+    """What runs parts, tuples that begin with their number, several at once."""
+
+    def _in_order(
+        self,
+        parts: Sequence[Numbered],
+        at_once: int,
+        on_done: Callable[[int], None],
+        one_by_one: bool = False,
+    ) -> list[Outcome]:
+        """What each part came to, in their order.
+
+        at_once: parts that a worker is given at once
+        on_done: told how many more are done
+        one_by_one: as of `ProcessPool.run`
+        """
+        found: dict[int, Outcome] = {}
+        tasks = (list(parts[i : i + at_once]) for i in range(0, len(parts), at_once))
+        for task, outcomes in self._processes.run(tasks, one_by_one):
+            found |= {part[0]: one for part, one in zip(task, outcomes, strict=True)}
+            on_done(len(task))
+        return [found[part[0]] for part in parts]

@@ -12,7 +12,7 @@ from service.analysis.failures.lapses import Lapse, lapse_of
 from service.analysis.failures.motion import Motion, motion_of
 from service.analysis.trace import Trace, record
 from service.evaluation.job import Job, Problem
-from service.evaluation.process_pool import DIED, ProcessPool, of_lists
+from service.evaluation.process_pool import DIED, NumberedParts, ProcessPool, of_lists
 from service.evaluation.processes import context_for
 from service.world.safety.contact import Contact
 from service.world.scenario.noise import Noise
@@ -21,7 +21,7 @@ from service.world.sim.rollout import Simulator
 AT_ONCE = 8  # rollouts that a worker is given at once
 WORTH_A_PROCESS = 200  # rollouts that take longer than a second process takes to start
 Draw = tuple[np.ndarray, Noise]  # x (d,) and its noise
-Wanted = list[tuple[int, Draw, bool]]  # number, draw, and whether its trace is wanted
+Part = tuple[int, Draw, bool]  # number, draw, and whether its trace is wanted
 Open = Callable[[Job], AbstractContextManager["Rerunner"]]  # a rerunner of a job, for as long as it is needed
 
 
@@ -51,7 +51,7 @@ class Rerun:
     lapse: Lapse | None = None
 
 
-class Rerunner:
+class Rerunner(NumberedParts[Part, Rerun]):
     """Worker processes for one job, started when first needed; use as a context manager.
 
     SUMO allows one simulation a process, so rollouts never run in the caller's. One that ends its process is an error
@@ -59,15 +59,7 @@ class Rerunner:
     """
 
     def __init__(self, job: Job, workers: int = 1):
-        self._pool = ProcessPool(workers, RERUNS, _open, (job,), lambda: context_for(job.ego))
-
-    def __enter__(self) -> "Rerunner":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._pool.close(kill=kind is not None)
+        super().__init__(ProcessPool(workers, RERUNS, _open, (job,), lambda: context_for(job.ego)))
 
     def run(
         self,
@@ -80,17 +72,8 @@ class Rerunner:
         traced: which to return the traces of
         on_done: told how many more
         """
-        found: dict[int, Rerun] = {}
         wanted = [(i, draw, i in traced) for i, draw in enumerate(drawn)]
-        parts = (wanted[i : i + AT_ONCE] for i in range(0, len(wanted), AT_ONCE))
-        for part, results in self._pool.run(parts, one_by_one=len(wanted) < WORTH_A_PROCESS):
-            found |= {i: again for (i, _, _), again in zip(part, results, strict=True)}
-            on_done(len(part))
-        return [found[i] for i in range(len(drawn))]
-
-    def close(self) -> None:
-        """End the processes; they are started again when they are needed again."""
-        self._pool.close()
+        return self._in_order(wanted, AT_ONCE, on_done, one_by_one=len(wanted) < WORTH_A_PROCESS)
 
 
 class Rerunners:
@@ -130,7 +113,7 @@ def _open(job: Job) -> None:
     _simulator = _problem.simulator()
 
 
-def _run(part: Wanted) -> list[Rerun]:
+def _run(part: list[Part]) -> list[Rerun]:
     assert _problem is not None
     assert _simulator is not None
     found = [rerun(_problem, _simulator, *draw) for _, draw, _ in part]

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from types import TracebackType
 
 import numpy as np
 
@@ -11,8 +10,9 @@ from policies.references import REFERENCES, reference_driver
 from service.analysis.failures.motion import Motion, motion_of
 from service.analysis.prevention.onset import Onset, onset_of
 from service.analysis.trace import Trace, record
+from service.closing import Closing
 from service.evaluation.job import Job, Problem
-from service.evaluation.process_pool import DIED, ProcessPool, of_lists
+from service.evaluation.process_pool import DIED, NumberedParts, ProcessPool, of_lists
 from service.evaluation.processes import context_for
 from service.world.egos.handover import Handover
 from service.world.egos.here import HERE
@@ -23,6 +23,7 @@ from service.world.sim.rollout import Rollout, Simulator
 
 AT_ONCE = 4  # rollouts that a worker is given at once
 Draw = tuple[np.ndarray, Noise]  # x (d,) and its noise
+Part = tuple[int, Draw]  # number and draw
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ def reference_ego(name: str, problem: Problem) -> EgoPolicy:
     return open_ego(name, scenario, problem.corridor)
 
 
-class HandedOver:
+class HandedOver(Closing):
     """A world for this process in which the job's ego can hand over; use as a context manager."""
 
     def __init__(self, problem: Problem, references: Sequence[str]):
@@ -66,12 +67,8 @@ class HandedOver:
         self._wheel = Handover(problem.ego(), {name: reference_ego(name, problem) for name in references})
         self._simulator: Simulator = problem.simulator(ego=self._wheel)
 
-    def __enter__(self) -> "HandedOver":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """End the simulation."""
         self._simulator.close()
 
     def as_it_was(self, x: np.ndarray, noise_seed: Noise) -> Trace:
@@ -110,38 +107,21 @@ def partner(trace: Trace, motion: Motion | None) -> int | None:
     return None if motion is None else motion.other
 
 
-class Conflicts:
+class Conflicts(NumberedParts[Part, Conflict]):
     """Worker processes for one job, started when first needed; use as a context manager."""
 
     def __init__(self, job: Job, references: Sequence[str], ttc_s: float, workers: int = 1):
         here = next((name for name in (job.ego, *references) if name.startswith(HERE)), job.ego)
-        self._pool = ProcessPool(
-            workers, LOOKS, _open, (job, tuple(references), ttc_s), lambda: context_for(here)
-        )
-
-    def __enter__(self) -> "Conflicts":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._pool.close(kill=kind is not None)
+        arguments = (job, tuple(references), ttc_s)
+        super().__init__(ProcessPool(workers, LOOKS, _open, arguments, lambda: context_for(here)))
 
     def look(
         self, drawn: Sequence[Draw], on_done: Callable[[int], None] = lambda count: None
     ) -> list[Conflict]:
         """Run the rollouts again, in order; on_done: told how many more."""
-        found: dict[int, Conflict] = {}
-        numbered = list(enumerate(drawn))
-        for part, looks in self._pool.run(
-            numbered[i : i + AT_ONCE] for i in range(0, len(numbered), AT_ONCE)
-        ):
-            found |= {i: look for (i, _), look in zip(part, looks, strict=True)}
-            on_done(len(part))
-        return [found[i] for i in range(len(drawn))]
+        return self._in_order(list(enumerate(drawn)), AT_ONCE, on_done)
 
 
-_Part = list[tuple[int, Draw]]
 _world: HandedOver | None = None  # of the worker process
 _ttc_s = 0.0
 
@@ -151,7 +131,7 @@ def _open(job: Job, references: tuple[str, ...], ttc_s: float) -> None:
     _world, _ttc_s = HandedOver(Problem(job), references), ttc_s
 
 
-def _run(part: _Part) -> list[Conflict]:
+def _run(part: list[Part]) -> list[Conflict]:
     assert _world is not None
     return [_world.look(*draw, _ttc_s) for _, draw in part]
 

@@ -54,7 +54,7 @@ def _scripts(seen: Findings) -> dict[str, str]:
     return {"player": player(), "player_hash": player_hash()}
 
 
-def environment_of(templates: Path) -> jinja2.Environment:
+def environment_of(*templates: Path) -> jinja2.Environment:
     """What pages are made with: everything is escaped, and a name that is not there is an error."""
     return jinja2.Environment(
         loader=jinja2.FileSystemLoader(templates),

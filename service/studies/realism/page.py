@@ -16,7 +16,7 @@ FOLDER = Path(__file__).parent
 
 def page_of(facts: dict[str, Any]) -> str:
     """The page, self-contained: style and pictures are inside it."""
-    environment = page.environment_of(FOLDER / "templates")
+    environment = page.environment_of(FOLDER / "templates", page.FOLDER / "templates")
     environment.filters |= {"number": number, "share": share, "span": span}
     return environment.get_template("card.html").render(
         facts=facts,
@@ -32,6 +32,7 @@ def page_of(facts: dict[str, Any]) -> str:
         error_labels=figures.ERRORS,
         colours={m: figures.line(facts, m)["color"] for m in facts["labels"]},
         width=ink.WIDTH_IN,
+        player="",
     )
 
 

@@ -15,11 +15,11 @@ def test_one_process_serves_all_that_is_asked_within_and_ends_after_it():
     with Rerunners(workers=2) as opened:
         with opened(job) as first:
             found = first.run(drawn)
-            began = first._pool.pids()
+            began = first._processes.pids()
         with opened(job) as second:
             again = second.run(drawn)
         assert second is first
-        assert second._pool.pids() == began
+        assert second._processes.pids() == began
         assert len(began) == 1
-    assert second._pool.pids() == []
+    assert second._processes.pids() == []
     assert [one.f for one in again] == [one.f for one in found]
