@@ -16,6 +16,7 @@ from ce.paths.process import Process
 from ce.paths.sampling import PathSampling
 from ce.paths.simulator import Simulator
 from ce.paths.starts import Roots, all_starts, kept_starts
+from ce.paths.teaching import Taught, Teaching, teach
 from ce.paths.tree import Driven, drive, joined, replay
 
 __all__ = [
@@ -34,6 +35,8 @@ __all__ = [
     "Process",
     "Roots",
     "Simulator",
+    "Taught",
+    "Teaching",
     "all_starts",
     "drive",
     "estimate_paths",
@@ -43,4 +46,5 @@ __all__ = [
     "replay",
     "saved",
     "schedule",
+    "teach",
 ]

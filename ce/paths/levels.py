@@ -1,5 +1,7 @@
 """Levels of a pilot, from what its paths have reached: the measure's own values, which may be of any sign."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,11 +14,11 @@ ENOUGH_HITS, ENOUGH_ROOTS = 15, 6
 # Numbers of hits at which a round's states are labelled.
 LABELLED = (12, 25, 75, 225)
 # Levels of the importance: as many times as probable as the aimed one.
-RATIOS = (1.0, 3.0, 10.0, 40.0)
+RATIOS = (1.0, 4.0, 20.0, 100.0)
 # How far below the aim the importance looks, in distances to the level above it.
 BELOW = 1.5
 # The most probable level that the importance looks at.
-MOST_PROBABLE = 0.05
+MOST_PROBABLE = 0.1
 
 
 def reached(fallen: Fallen, hits: int = ENOUGH_HITS) -> float:
@@ -34,9 +36,12 @@ def reached(fallen: Fallen, hits: int = ENOUGH_HITS) -> float:
     return float("inf")
 
 
-def to_label(fallen: Fallen, gamma: float) -> Array:
-    """Levels (k,), falling, at which a round's states are labelled, none below gamma."""
-    found = {max(reached(fallen, k), gamma) for k in LABELLED}
+def to_label(fallen: Fallen, gamma: float, hits: Sequence[int] = LABELLED) -> Array:
+    """Levels (k,), falling, at which a round's states are labelled, none below gamma.
+
+    hits: how many paths have come to each
+    """
+    found = {max(reached(fallen, k), gamma) for k in hits}
     return np.array(sorted((b for b in found if np.isfinite(b)), reverse=True))
 
 

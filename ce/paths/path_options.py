@@ -30,7 +30,7 @@ class PathOptions:
     round_paths: int = 300
     rounds: int = 14
     training_share: float = 0.5
-    starts_a_path: int = 60
+    starts_a_path: int = 40
     floor: float = 0.4
     train_on: bool = False
 

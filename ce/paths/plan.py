@@ -19,8 +19,8 @@ from ce.paths import exactly
 
 Array = NDArray[np.float64]
 
-# Exponents of the importance and populations, by the share of the horizon that has passed.
-BETA_AT, BETA = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.4), (0.5, 0.52, 0.55, 0.6, 0.65, 0.7, 0.8)
+# Exponent of the importance, and populations by the share of the horizon that has passed.
+BETA = 0.7
 POPULATION_AT, POPULATION = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.6), (2.0, 1.8, 1.5, 1.3, 1.1, 1.0, 0.8)
 # Least I^beta that a state is given, over the mean of I^beta.
 FLOOR = 0.4
@@ -108,7 +108,7 @@ def schedule(
         return exactly.log_sum_exp(shifted, axis=1) - exactly.log(float(levels.size))
 
     passed = np.array(checkpoints[:-1]) / checkpoints[-1]
-    exponents, shares = np.interp(passed, BETA_AT, BETA), np.interp(passed, POPULATION_AT, POPULATION)
+    exponents, shares = np.full(passed.size, BETA), np.interp(passed, POPULATION_AT, POPULATION)
     at_start = importance(hazard)
     log_floor, log_c = np.empty(passed.size), np.empty(passed.size)
     falling = 1.0

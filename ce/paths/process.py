@@ -15,6 +15,10 @@ Array = NDArray[np.float64]
 class Process(Protocol[States]):
     """A random path whose event is that the smallest value of its measure comes to gamma or below.
 
+    Two methods more are used where a process has them. `level(states)`: smallest so far (n,) of what a pilot climbs in
+    place of the measure, where the measure itself leads nowhere: equal to it at and below 0, above 0 in any order; it
+    is used where gamma <= 0. `start_features(x, seeds)`: a short cut to the features of starts.
+
     States are opaque values that stand for n paths. `ce.paths.Simulator` makes a process of four functions.
     """
 

@@ -3,7 +3,8 @@
     round 0     naive paths; their lowest values give the first levels, their states the first lessons
                 -> naive paths to the end where at least COMMON of them are events
     round r     paths kept, split and ended by what was learned, aimed at the lowest level with enough hits
-                -> the estimate once gamma has been reached twice, or the training's share of the budget is spent
+                -> the estimate once gamma has been reached twice with a fifth of the budget spent, or with the
+                   training's share of it
     estimate    batches of one size with everything fixed; no path of the pilot enters
 
 A batch is a pure function of the problem, the plan and its roots: any part of it may be driven elsewhere.
@@ -41,19 +42,21 @@ from ce.paths.process import Process
 from ce.paths.simulator import checked_checkpoints
 from ce.paths.starts import all_starts, kept_starts, reference_features
 from ce.paths.training import lessons, trained, untrained
-from ce.paths.tree import Driven, Fallen
+from ce.paths.tree import Driven, Fallen, seen_by
 from ce.streams import checked_seed
 
 Array = NDArray[np.float64]
 
 # Steps and rates of the first training, of the later ones and of the last.
-FIRST_TRAINING, LATER_TRAINING, LAST_TRAINING = (1000, 4e-3), (1000, 3e-3), (3000, 3e-3)
+FIRST_TRAINING, LATER_TRAINING, LAST_TRAINING = (1000, 4e-3), (800, 3e-3), (3000, 4e-3)
+# Share of the budget that the pilot takes at least: what the committor learns more pays for itself.
+LEAST_TRAINING = 0.2
 # Starts by which E0 L_b is known, and the stream of the pilot that has them.
 REFERENCE_STARTS, REFERENCE_STREAM = 20_000, 1_000_000
 # Paths of a batch of the estimate in the middle of the horizon; more budget makes more batches.
 POPULATION = 400.0
 # Of what the pilot leaves, to be planned for.
-PLANNED = 0.97
+PLANNED = 0.92
 # Naive paths are fewer by this where a committor is given and not trained on.
 SHARE_OF_NAIVE = 4
 # Share of events among the naive paths from which nothing else is driven.
@@ -195,7 +198,7 @@ class PathSampling:
         if self._over(state):  # the estimate aims at gamma, whether the pilot has come there or not
             levels = np.append(levels[levels > self.gamma], self.gamma)
         if not self._trains:
-            levels = self._levels_by(state)
+            levels = state.plan.levels if state.plan else self._levels_by(state, driven.fallen)
         return self._planned(state, levels, self._over(state), batch, driven)
 
     def _trained(self, state: PathState, batch: PathBatch, driven: Driven) -> PathState:
@@ -205,10 +208,11 @@ class PathSampling:
         taught = (*state.lessons, lessons(driven.record, labelled, state.seed + state.iteration))
         committor = state.committor
         steps, rate = LAST_TRAINING if self._over(state) else LATER_TRAINING
-        if committor is None:
+        if committor is None or (self.given is None and self._over(state)):
             steps, rate = max(steps, FIRST_TRAINING[0]), FIRST_TRAINING[1]
             features = np.concatenate([r.features for r in driven.record])
-            committor = untrained(features, self.gamma, float(labelled[0]), state.seed)
+            top = float(labelled[0]) if committor is None else committor.level_high
+            committor = untrained(features, self.gamma, top, state.seed)
         committor = trained(committor, taught, steps, rate, state.seed + state.iteration)
         return msgspec.structs.replace(state, committor=committor, lessons=taught)
 
@@ -221,9 +225,12 @@ class PathSampling:
         hits = sum(r.totals.hits for r in rounds)
         stuck = len(rounds) > 5 and rounds[-1].reached >= rounds[-5].reached > self.gamma
         next_round = max((r.totals.steps for r in rounds[1:]), default=0)
-        spent = state.training_steps + next_round > o.training_share * o.budget * self._path_steps(state)
+        whole = o.budget * self._path_steps(state)
+        spent = state.training_steps + next_round > o.training_share * whole
+        enough = state.training_steps + next_round > LEAST_TRAINING * whole
         common = len(rounds) == 1 and hits >= TWICE * ENOUGH_HITS
-        return (there and hits >= TWICE * ENOUGH_HITS) or stuck or spent or common or len(rounds) > o.rounds
+        taught = there and hits >= TWICE * ENOUGH_HITS and enough
+        return taught or stuck or spent or common or len(rounds) > o.rounds
 
     def _naive_paths(self) -> int:
         """Paths of the pilot's first round."""
@@ -242,11 +249,11 @@ class PathSampling:
     def _path_steps(self, state: PathState) -> float:
         return state.naive_steps / max(state.naive_f.size, 1)
 
-    def _levels_by(self, state: PathState) -> Array:
+    def _levels_by(self, state: PathState, naive: Fallen) -> Array:
         """Levels of the importance by a committor that was given: where it holds them for as much more probable."""
         committor = self.committor(state)
         assert committor is not None
-        top = reached(_naive_falls(state.naive_f), 10)
+        top = reached(naive, 10)
         if not self.gamma < top < math.inf:
             return np.array([self.gamma])
         grid = np.linspace(top, self.gamma, 33)
@@ -275,10 +282,7 @@ class PathSampling:
             population, batches = self._sizes(state)
         starts = int(max(population * self.options.starts_a_path, 500))
         hazard = committor.log_hazard(self._reference(state.seed), levels)
-        seen = []
-        for r in driven.record[1:]:
-            open_ = ~(r.before <= self.gamma)
-            seen.append((committor.log_hazard(r.features[open_], levels), r.weight[open_] / batch.starts))
+        seen = seen_by(committor, levels, driven.record, batch.starts, self.gamma)
         plan = schedule(
             self.gamma, levels, hazard, self.checkpoints, starts, population, self.options.floor, seen
         )
@@ -322,8 +326,3 @@ class PathSampling:
     def _finished_without(self, state: PathState) -> PathState:
         """The state of a run whose pilot came to no level at all."""
         return msgspec.structs.replace(state, phase="done")
-
-
-def _naive_falls(f: Array) -> Fallen:
-    """Of naive paths, from nothing to their smallest values."""
-    return Fallen.among(np.arange(f.size), np.ones(f.size), np.full(f.size, np.inf), f)

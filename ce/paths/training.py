@@ -29,9 +29,9 @@ HIDDEN, NETS = 24, 2
 LARGEST_LABEL, LARGEST_GRADIENT = 2.0, 0.2
 LARGEST_FEATURE_BITS = int(np.log2(LARGEST_FEATURE))
 BATCH = 256
-DECAY = 1e-3
+DECAY = 0.03
 # Rows without a hit that a round leaves to learn from, and levels that each row is labelled at.
-MOST_ROWS, LEVELS_A_ROW = 6000, 2
+MOST_ROWS, LEVELS_A_ROW = 6000, 3
 
 
 class Lessons(msgspec.Struct, frozen=True, eq=False):

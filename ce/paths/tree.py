@@ -25,7 +25,7 @@ Rows = NDArray[np.int64]
 
 
 class Recorded(msgspec.Struct, frozen=True, eq=False):
-    """The paths that left a checkpoint, to learn from.
+    """The paths that left a checkpoint, to learn from; before and after are of `climbed`.
 
     features: (n, m, F), at the checkpoint
     weight: (n,)
@@ -85,7 +85,7 @@ class Driven(msgspec.Struct, frozen=True, eq=False):
     lineage: (k, T) uint64, the keys of its segments, 0 after its end: with x and seed all that a replay needs
     record: one a checkpoint, empty where none was asked for
     outcome: (k,) int64, how each path ended by the process' own code (`outcomes`), 0 where it tells none
-    fallen: where paths came to lower values, also of those that roulette ended later
+    fallen: where paths came to lower values of `climbed`, also of those that roulette ended later
     finals: (k, C), what else the process tells of each path's end (`finals`), C = 0 where it tells nothing
     """
 
@@ -101,6 +101,13 @@ class Driven(msgspec.Struct, frozen=True, eq=False):
     outcome: Rows = msgspec.field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     fallen: Fallen = msgspec.field(default_factory=lambda: Fallen.none())
     finals: Array = msgspec.field(default_factory=lambda: np.zeros((0, 0)))
+
+
+def climbed(process: Process[Any], states: Any, lowest: float) -> Array:
+    """Smallest value so far (n,) of what leads to `lowest`: the process' own level where it has one, the measure
+    elsewhere."""
+    own = getattr(process, "level", None)
+    return process.measure(states) if own is None or lowest > 0.0 else np.asarray(own(states), np.float64)
 
 
 def drive(
@@ -126,11 +133,12 @@ def drive(
     root, weight = np.arange(n), roots.weights.copy()
     key = keys.children(roots.seeds, 0)
     lineage = np.zeros((n, segments), dtype=np.uint64)
-    smallest, parent = process.measure(states), np.full(n, -1)
+    smallest, parent, lowest = process.measure(states), np.full(n, -1), float(levels.min())
+    low = climbed(process, states, lowest)
     events, hits = np.zeros((n, levels.size)), np.zeros((n, levels.size), dtype=np.int64)
     steps, begun = np.zeros(n, dtype=np.int64), np.ones(n, dtype=np.int64)
     _count(events, hits, root, weight, np.full(n, np.inf), smallest, levels)
-    falls = [Fallen.among(root, weight, np.full(n, np.inf), smallest)]
+    falls = [Fallen.among(root, weight, np.full(n, np.inf), low)]
     ends: list[tuple[Rows, Array, Array, NDArray[np.uint64], Rows, Array]] = []
     recorded: list[Recorded] = []
     for k in range(segments):
@@ -149,7 +157,7 @@ def drive(
         else:
             number = np.zeros(rows.size, dtype=np.int64)
         states, root, weight, lineage = process.take(states, rows), root[rows], weight[rows], lineage[rows]
-        key, parent, smallest = key[rows], parent[rows], smallest[rows]
+        key, parent, smallest, low = key[rows], parent[rows], smallest[rows], low[rows]
         if k:
             key = keys.children(key, number)
         if rows.size == 0:
@@ -158,11 +166,12 @@ def drive(
         features = process.features(states) if record else None
         states = process.advance(states, key, checkpoints[k + 1])
         before, smallest = smallest, process.measure(states)
+        above, low = low, climbed(process, states, lowest)
         np.add.at(steps, root, process.steps(states))
         _count(events, hits, root, weight, before, smallest, levels)
-        falls.append(Fallen.among(root, weight, before, smallest))
+        falls.append(Fallen.among(root, weight, above, low))
         if features is not None:
-            recorded.append(Recorded(features, weight, parent, before, smallest))
+            recorded.append(Recorded(features, weight, parent, above, low))
         parent = np.arange(root.size)
     else:
         how = _outcomes(process, states), _finals(process, states, np.arange(root.size))
@@ -186,6 +195,21 @@ def drive(
         joined_falls(falls),
         finals,
     )
+
+
+def seen_by(
+    committor: Committor, levels: Array, record: Sequence[Recorded], starts: int, gamma: float
+) -> list[tuple[Array, Array]]:
+    """What `ce.paths.plan.schedule` is told of paths that were seen: log hazard and weight of those still above gamma,
+    for each checkpoint from the second on.
+
+    record: of paths that stand for so many starts
+    """
+    found = []
+    for r in record[1:]:
+        open_ = ~(r.before <= gamma)
+        found.append((committor.log_hazard(r.features[open_], levels), r.weight[open_] / starts))
+    return found
 
 
 def joined(parts: Sequence[Driven]) -> Driven:

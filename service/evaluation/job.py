@@ -91,16 +91,16 @@ def make_job(
 
 
 def told_apart(jobs: Sequence[Job]) -> tuple[Job, ...]:
-    """The jobs of a run, each with an id of its own: the second of a method is METHOD-2. InputError where two are the
+    """The jobs of a run, each with an id of its own: the second of an id is ID-2. InputError where two are the
     same job."""
     found: list[Job] = []
     for job in jobs:
         if job in jobs[: len(found)]:
             raise InputError(f"the same job twice: {job.method}, gamma {job.gamma:g}, seed {job.seed}")
-        taken = {other.id for other in found}
-        ids = (job.method if n == 1 else f"{job.method}-{n}" for n in count(1))
+        taken, own = {other.id for other in found}, job.id
+        ids = (own if n == 1 else f"{own}-{n}" for n in count(1))
         free = next(i for i in ids if i not in taken)
-        found.append(job if free == job.method else msgspec.structs.replace(job, name=free))
+        found.append(job if free == own else msgspec.structs.replace(job, name=free))
     return tuple(found)
 
 

@@ -4,6 +4,7 @@
         --out build/paths.jsonl
     python tests/bench/highway_paths.py tell --out build/paths.jsonl --truth deploy/results/truths/...npz
 
+`run --committor shipped` starts from the committor that comes with tailroad; without it one is trained in every run.
 `run` adds a line a seed and leaves out those that are there, so that it can be cut off and go on. `tell` prints, of
 each question, the efficiency p (1 - p) / n / mean squared error about the truth, n the naive rollouts of as many
 steps, with an interval of the mean squared error by chi-squared, and how many intervals held the truth. The truth's
@@ -19,6 +20,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from ce.paths import PathOptions, PathSampling, drive
+from service.analysis.run.committors import committor_for
 from service.evaluation.job import Problem, make_job
 from service.evaluation.options import PATHS
 from service.studies.reproduce.truth import read_truth
@@ -30,7 +32,12 @@ def run_seed(asked: argparse.Namespace, seed: int) -> dict[str, object]:
     options = {"budget": asked.budget}
     job = make_job(load_scenario(asked.scenario), asked.ego, asked.gamma, PATHS, seed, options)
     problem = Problem(job)
-    method = PathSampling(problem.paths, job.gamma, PathOptions(**options))
+    given = None
+    if asked.committor != "own":
+        found = committor_for(None if asked.committor == "shipped" else asked.committor, job.scenario)
+        assert found is not None, f"no committor comes with tailroad for {asked.scenario}"
+        given = found[0]
+    method = PathSampling(problem.paths, job.gamma, PathOptions(**options), given)
     state, began = method.init(problem.stream_seed), time.process_time()
     while (batch := method.propose(state)) is not None:
         driven = drive(
@@ -50,6 +57,7 @@ def run_seed(asked: argparse.Namespace, seed: int) -> dict[str, object]:
         "ego_sha256": job.ego_sha256,
         "gamma": asked.gamma,
         "budget": asked.budget,
+        "committor": asked.committor,
         "seed": seed,
         "p": e.p,
         "std_error": e.std_error,
@@ -67,13 +75,9 @@ def run_seed(asked: argparse.Namespace, seed: int) -> dict[str, object]:
 
 def tell(lines: list[dict], truth: Path | None, p: float | None, events: int) -> None:
     """Print a line for each question."""
-    questions = sorted({(line["scenario"], line["ego"], line["gamma"], line["budget"]) for line in lines})
+    questions = sorted({_asked_in(line) for line in lines})
     for question in questions:
-        mine = [
-            line
-            for line in lines
-            if (line["scenario"], line["ego"], line["gamma"], line["budget"]) == question
-        ]
+        mine = [line for line in lines if _asked_in(line) == question]
         known, n_events = p, events
         if truth is not None:
             kept = read_truth(truth)
@@ -102,6 +106,11 @@ def tell(lines: list[dict], truth: Path | None, p: float | None, events: int) ->
         )
 
 
+def _asked_in(line: dict) -> tuple[str, str, float, int, str]:
+    names = ("scenario", "ego", "gamma", "budget", "committor")
+    return tuple(line.get(name, "own") for name in names)
+
+
 def _mean(lines: list[dict], name: str) -> float:
     return float(np.mean([line[name] for line in lines]))
 
@@ -115,6 +124,7 @@ def main() -> None:
     parser.add_argument("--gamma", type=float, default=0.48)
     parser.add_argument("--budget", type=int, default=20_000)
     parser.add_argument("--seeds", default="1-5")
+    parser.add_argument("--committor", default="own")
     parser.add_argument("--truth", type=Path)
     parser.add_argument("--p", type=float)
     parser.add_argument("--events", type=int, default=0)
@@ -125,8 +135,8 @@ def main() -> None:
         return
     first, _, last = asked.seeds.partition("-")
     for seed in range(int(first), int(last or first) + 1):
-        key = (asked.scenario, asked.ego, asked.gamma, asked.budget, seed)
-        if key in {(d["scenario"], d["ego"], d["gamma"], d["budget"], d["seed"]) for d in lines}:
+        key = (asked.scenario, asked.ego, asked.gamma, asked.budget, asked.committor, seed)
+        if key in {(*_asked_in(d), d["seed"]) for d in lines}:
             continue
         line = run_seed(asked, seed)
         print(json.dumps(line), flush=True)

@@ -122,3 +122,32 @@ def test_keys_of_children_and_their_normals_are_independent():
     assert abs(z.mean()) < 4.0 / np.sqrt(z.size)
     assert abs(z.var() - 1.0) < 4.0 * np.sqrt(2.0 / z.size)
     assert np.unique(keys.children(parents, 0)).size == 20_000
+
+
+def test_a_pilot_climbs_the_level_of_a_process_and_events_are_of_its_measure():
+    """The level falls with the walk; the measure is 5 everywhere but where the walk has come to 1."""
+
+    class Hidden:
+        def __init__(self):
+            self.walk = PROBLEM.process
+
+        def __getattr__(self, name):
+            return getattr(self.walk, name)
+
+        def measure(self, states):
+            own = self.walk.measure(states)
+            return np.where(own <= 0.0, own, 5.0)
+
+        def level(self, states):
+            return self.walk.measure(states)
+
+    hidden = Hidden()
+    roots = ce.paths.all_starts(hidden, 1, "estimate", 0, 400)
+    checkpoints = hidden.checkpoints
+    driven = ce.paths.drive(hidden, roots, np.array([0.0]), checkpoints, record=True)
+    plain = ce.paths.drive(PROBLEM.process, roots, np.array([0.0]), checkpoints, record=True)
+    assert set(np.unique(driven.value[driven.value > 0.0])) == {5.0}
+    np.testing.assert_array_equal(driven.events, plain.events)
+    np.testing.assert_array_equal(driven.fallen.after, plain.fallen.after)
+    above = ce.paths.drive(hidden, roots, np.array([6.0]), checkpoints)
+    assert (above.fallen.after <= 5.0).all()

@@ -1,4 +1,4 @@
-"""Where a committor comes from that a run is given: another run, or a file."""
+"""Where a committor comes from that a run is given: another run, a file, or tailroad itself."""
 
 from pathlib import Path
 
@@ -6,9 +6,23 @@ from ce.paths import NetworkCommittor
 from service.errors import InputError
 from service.evaluation.options import PATHS
 from service.evaluation.path_store import committor_in, committor_of
+from service.evaluation.shipped import shipped_for
 from service.evaluation.store import RunDirectory
+from service.world.scenario import Scenario
 
 LARGEST_BYTES = 16_000_000
+OWN = "own"  # in place of a committor: train one
+
+
+def committor_for(given: str | Path | None, scenario: Scenario) -> tuple[NetworkCommittor, bytes] | None:
+    """The committor that paths start from: the one given, or the one that comes with tailroad for that scenario; None
+    where one is to be trained.
+
+    given: a run directory, a file, "own" to train one, or None
+    """
+    if given is None:
+        return shipped_for(scenario)
+    return None if str(given) == OWN else committor_from(given)
 
 
 def committor_from(given: str | Path) -> tuple[NetworkCommittor, bytes]:

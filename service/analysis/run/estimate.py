@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from service.analysis.run.carry_out import MAX_FAILED, carry_out, new_folder
-from service.analysis.run.committors import committor_from
+from service.analysis.run.committors import committor_for
 from service.analysis.run.progress import Tell, told
-from service.analysis.run.question import BUDGET, CONFIDENCE, METHOD, SEED, jobs_of
+from service.analysis.run.question import BUDGET, CONFIDENCE, METHOD, SEED, jobs_of, scenario_of
 from service.analysis.run.run import Run
+from service.errors import InputError
 from service.evaluation.cores import core_count
+from service.evaluation.options import PATHS
 from service.evaluation.pool import WORLDS, InSumo
 from service.world.egos.here import ego_name
 from service.world.scenario import Scenario
@@ -52,7 +54,8 @@ def estimate(
     seed: the same seed gives the same bits.
     measure, noise_mode: in place of the scenario's safety measure and action noise.
     options: of the methods, as in {"rho": 0.1}.
-    committor: what the method paths starts from in place of training one of its own: a run directory of it, or a file.
+    committor: what the method paths starts from in place of training one of its own: a run directory of it, or a file;
+        "own" to train one although one comes with tailroad for that scenario and measure.
     out: run directory (default: runs/SCENARIO-EGO-TIME); one of the same question is gone on with, or with `new`
         refused.
     workers: processes (default: one for each core).
@@ -71,9 +74,10 @@ def estimate(
     (0.6, 40)
     """
     name = ego_name(ego)
-    given = None if committor is None else committor_from(committor)
+    asked = scenario_of(scenario, measure, noise_mode)
+    given = committor_for(committor, asked)
     jobs = jobs_of(
-        scenario,
+        asked,
         name,
         gamma,
         method,
@@ -81,11 +85,12 @@ def estimate(
         rel_error=rel_error,
         confidence=confidence,
         seed=seed,
-        measure=measure,
-        noise_mode=noise_mode,
         options=options,
         committor_sha256="" if given is None else given[0].checksum,
+        here=executor is None and in_sumo == "some",
     )
+    if committor is not None and not any(job.method == PATHS for job in jobs):
+        raise InputError(f"a committor is for the method {PATHS}; add it, or leave out the committor")
     path = Path(out) if out is not None else new_folder(jobs[0].scenario.name, name)
     count = workers or core_count()
     with told(progress, count) as tell:

@@ -66,8 +66,8 @@ NOT_PRECISE = 3
               help="ce: how far each driver weight's mean may move.  [default: 0.01]")  # fmt: skip
 @click.option("--max-kl", type=click.FloatRange(0, min_open=True), callback=finite,
               help="ce: how far the proposal may move from the base, in nats.  [default: no limit]")  # fmt: skip
-@click.option("--committor", type=click.Path(exists=True, path_type=Path), help="paths: start from the committor of "
-              "this run directory or file; none is trained.")  # fmt: skip
+@click.option("--committor", help="paths: start from the committor of this run directory or file, and train none; "
+              "own: train one.  [default: what comes with tailroad for the scenario, where anything does]")  # fmt: skip
 @workers_option()
 @seed_option()
 @click.option("--out", type=FOLDER, help="Run directory.  "

@@ -1,4 +1,5 @@
-"""`tailroad train drivers|drivers-bc|ego-lidar|ego-vision|thresholds|rates`: needs the `train` extra (torch)."""
+"""`tailroad train drivers|drivers-bc|ego-lidar|ego-vision|thresholds|rates|committor`: all but the last three need the
+`train` extra (torch)."""
 
 import importlib
 import sys
@@ -14,6 +15,7 @@ SCRIPTS = {
     "ego-vision": "service.training.ego_vision",
     "thresholds": "service.training.thresholds",
     "rates": "service.training.rates",
+    "committor": "service.training.committor",
 }
 
 
@@ -38,6 +40,7 @@ def command(what: str, arguments: tuple[str, ...]) -> None:
     thresholds  the gamma at which p is 1e-2, 1e-3, 1e-4 and 1e-5
     rates       an ego's contacts per million km, and which of them it ran into
     ego-vision  the ego that sees camera and lidar
+    committor   what the method paths starts from in a scenario
 
     `tailroad train WHAT --help` lists the options of each.
     """

@@ -3,15 +3,23 @@
 Signs are turned so that the ego's left and right are alike: a lateral quantity is positive towards each other, and each
 feature is about 1 in size in motorway traffic and cut off at LIMIT. They are a function of the state alone; nothing in
 them is of what is still to be drawn. A vehicle that has left the road has FAR_ASIDE and zeros.
+
+What a driver means to do next is what its network answers to what it sees, which the drawn weights xi decide: copies of
+a path share them. At the start it is 0, as starts are chosen before their weights are drawn.
 """
 
 import math
 
 import numpy as np
 
+from policies.egos.compiled import act
 from policies.exactmath import log, sincos
 from policies.jit import kernel
+from policies.layout import OUTPUTS
+from policies.network import forward, sample_action
 from service.world import agents as A
+from service.world.paths.level import level_of
+from service.world.paths.nearest import FARTHEST, nearest
 from service.world.paths.states import BEFORE, LAST, States
 from service.world.sim import minds as M
 
@@ -32,7 +40,12 @@ FAR_SIDE, NEAR_SIDE = 27, 30  # a third vehicle beside it: distance along, speed
 (
     AWAY, AWAY_FOR, REACTION, HAZARD, BESIDE, BRAKING, HELD, NOISE_A, NOISE_W, DRIFT_A, DRIFT_W, SINCE,
 ) = range(33, 45)  # fmt: skip
-FEATURES = 45
+# `nearest` to the ego as both move, as both brake, and to that other vehicle to which it comes nearest
+NEAREST, NEAREST_BRAKING, NEAREST_THIRD = 45, 49, 53
+ITS_NEXT_ACCELERATION, ITS_NEXT_TURN, ITS_SPREAD, ITS_TURN_SPREAD, EGO_NEXT_ACCELERATION, EGO_NEXT_TURN = (
+    range(57, 63)
+)
+FEATURES = 63
 
 
 @kernel
@@ -77,9 +90,7 @@ def _fill(
         room = aside - 0.5 * (me[A.WIDTH_M] + you[A.WIDTH_M])
         closing = -dv if ds > 0.0 else dv
         reach_s = min(max(gap, 0.0) / max(closing, 0.3), 8.0)
-        level = 8.0
-        if closing > 0.0 or gap <= 0.0:
-            level = min(max(gap, 0.0) / max(closing, 1.0) + 4.0 * max(room, 0.0), 8.0)
+        level = level_of(gap, room, closing)
         required = (
             closing * closing / (2.0 * max(gap, 0.5)) if room < 0.3 and closing > 0.0 and gap > 0.0 else 0.0
         )
@@ -148,19 +159,117 @@ def _fill(
 
 
 @kernel
+def _between(
+    one: np.ndarray, other: np.ndarray, along_m: float, across_mps: float, braking: bool
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """`nearest` of two vehicles.
+
+    along_m: distance; across_mps: difference of the speeds across
+    """
+    return nearest(
+        along_m, other[A.OFFSET_M] - one[A.OFFSET_M], other[A.SPEED_MPS] - one[A.SPEED_MPS], across_mps,
+        other[A.ACCELERATION_MPS2] - one[A.ACCELERATION_MPS2] if braking else 0.0,
+        0.5 * (one[A.LENGTH_M] + other[A.LENGTH_M]), 0.5 * (one[A.WIDTH_M] + other[A.WIDTH_M]),
+    )  # fmt: skip
+
+
+@kernel
+def _put(found: tuple[float, float, float, float], first: int, f: np.ndarray) -> None:
+    f[first] = found[0]
+    f[first + 1] = found[1]
+    f[first + 2] = min(found[2], 10.0) / 3.0
+    f[first + 3] = min(found[3], 4.0)
+
+
+@kernel
+def _fill_nearest(
+    agents: np.ndarray, ego: int, along: np.ndarray, across_mps: np.ndarray, out: np.ndarray
+) -> None:
+    """Fill the columns from NEAREST on."""
+    vehicles, row = agents.shape[0], 0
+    for j in range(vehicles):
+        if j == ego:
+            continue
+        f = out[row]
+        row += 1
+        for c in range(NEAREST, ITS_NEXT_ACCELERATION):
+            f[c] = FARTHEST
+        if agents[j, A.ACTIVE] == 0.0:
+            continue
+        far, across = along[j] - along[ego], across_mps[j] - across_mps[ego]
+        _put(_between(agents[ego], agents[j], far, across, False), NEAREST, f)
+        _put(_between(agents[ego], agents[j], far, across, True), NEAREST_BRAKING, f)
+        least = math.inf
+        for k in range(vehicles):
+            if k in (ego, j) or agents[k, A.ACTIVE] == 0.0:
+                continue
+            found = _between(agents[k], agents[j], along[j] - along[k], across_mps[j] - across_mps[k], False)
+            if found[0] < least:
+                least = found[0]
+                _put(found, NEAREST_THIRD, f)
+
+
+@kernel
+def _fill_next(
+    agents: np.ndarray, observations: np.ndarray, head: np.ndarray, at: int, ego: int, own: tuple, network: tuple,
+    answers: np.ndarray, out: np.ndarray,
+) -> None:  # fmt: skip
+    """Fill the columns of what the drivers mean to do next.
+
+    own: kind and weights of the ego; network: w1, b1, w2, b2 and scale of the drivers; answers: (4,), room for the work
+    """
+    kind, ew1, eb1, ew2, eb2, ehead, escale = own
+    w1, b1, w2, b2, scale = network
+    ego_a, ego_w = act(kind, observations[ego], ew1, eb1, ew2, eb2, ehead, escale, answers)
+    if not (math.isfinite(ego_a) and math.isfinite(ego_w)):
+        ego_a, ego_w = 0.0, 0.0
+    row = 0
+    for j in range(agents.shape[0]):
+        if j == ego:
+            continue
+        f = out[row]
+        row += 1
+        for c in range(ITS_NEXT_ACCELERATION, FEATURES):
+            f[c] = 0.0
+        if agents[j, A.ACTIVE] == 0.0:
+            continue
+        side = 1.0 if agents[j, A.OFFSET_M] >= agents[ego, A.OFFSET_M] else -1.0
+        f[EGO_NEXT_ACCELERATION] = _cut(ego_a / 2.0)
+        f[EGO_NEXT_TURN] = _cut(ego_w * side * 30.0)
+        if at > 0:
+            forward(observations[j], w1, b1, w2, b2, head, answers)
+            a, w = sample_action(answers, scale, 0.0, 0.0)
+            f[ITS_NEXT_ACCELERATION] = _cut(a / 2.0)
+            f[ITS_NEXT_TURN] = _cut(-w * side * 30.0)
+            f[ITS_SPREAD] = min(max(np.float64(answers[2]), -LIMIT), LIMIT)
+            f[ITS_TURN_SPREAD] = min(max(np.float64(answers[3]), -LIMIT), LIMIT)
+
+
+@kernel
 def _fill_all(
-    agents: np.ndarray, minds: np.ndarray, noise: np.ndarray, at: np.ndarray, ego: int, spacing_m: float, dt_s: float,
-    out: np.ndarray,
+    agents: np.ndarray, observations: np.ndarray, minds: np.ndarray, noise: np.ndarray, heads: np.ndarray,
+    at: np.ndarray, ego: int, own: tuple, network: tuple, spacing_m: float, dt_s: float, out: np.ndarray,
 ) -> None:  # fmt: skip
     along, across_mps = np.empty(agents.shape[1]), np.empty(agents.shape[1])
-    one = np.empty((out.shape[1], out.shape[2]))
+    one, answers = np.empty((out.shape[1], out.shape[2])), np.empty(OUTPUTS, np.float32)
     for r in range(at.size):
         _fill(agents[r], minds[r], noise[r], at[r], ego, spacing_m, dt_s, one, along, across_mps)
+        _fill_nearest(agents[r], ego, along, across_mps, one)
+        _fill_next(agents[r], observations[r], heads[r], at[r], ego, own, network, answers, one)
         out[r] = one
 
 
-def features_of(states: States, ego: int, spacing_m: float, dt_s: float) -> np.ndarray:
-    """(n, other vehicles, FEATURES) float32; ego: its row."""
-    out = np.empty((len(states), states.agents.shape[1] - 1, FEATURES), np.float32)
-    _fill_all(states.agents, states.minds, states.noise, states.at, ego, spacing_m, dt_s, out)
+def features_of(
+    states: States, ego: int, own: tuple, network: tuple, spacing_m: float, dt_s: float
+) -> np.ndarray:
+    """(n, other vehicles, FEATURES) float32.
+
+    ego: its row
+    own: kind and weights of the ego; network: w1, b1, w2, b2 and scale of the drivers
+    """
+    s = states
+    out = np.empty((len(s), s.agents.shape[1] - 1, FEATURES), np.float32)
+    _fill_all(
+        s.agents, s.observations, s.minds, s.noise, s.heads, s.at, ego, own, network, spacing_m, dt_s, out
+    )
     return out

@@ -8,6 +8,7 @@ from service.errors import InputError
 from service.world.paths.begin import begin, layout_of
 from service.world.paths.drive import drive_all
 from service.world.paths.features import features_of
+from service.world.paths.level import climbed_of, lower_nearest
 from service.world.paths.lineage import draw_of
 from service.world.paths.noise import constants_of
 from service.world.paths.states import States, empty_states
@@ -19,6 +20,7 @@ from service.world.scenario.noise import PathNoise
 from service.world.scenario.schema import Scenario
 from service.world.sim import step
 from service.world.sim.latent import Latent
+from service.world.sim.segment import IMPACT
 from service.world.sim.without_sumo import MEASURES, WithoutSumo, can_leave_out_sumo, compiled_egos
 from sumo_nets.corridor import Corridor
 
@@ -57,6 +59,7 @@ class HighwayPaths:
         check_paths(scenario, ego)
         self._scenario = scenario
         self._alone = WithoutSumo(scenario, corridor, drivers, ego)
+        self._has_contacts = self._alone.parts.measure == IMPACT
         self._layout = layout_of(scenario)
         self._latent = None if scenario.human is None else Latent(scenario)
         self._constants = constants_of(scenario, self._latent)
@@ -72,11 +75,20 @@ class HighwayPaths:
             np.ascontiguousarray(x, dtype=np.float64), self._layout, *parts.road, parts.measure, GRID, s.agents,
             s.observations, s.minds, s.causes, s.heads, s.smallest, s.status,
         )  # fmt: skip
+        self._look(s)
         return s
+
+    def _look(self, states: States) -> None:
+        if self._has_contacts:
+            lower_nearest(states, self._layout.ego, self._alone.parts.road[2])
 
     def measure(self, states: States) -> np.ndarray:
         """The smallest value so far (n,)."""
         return states.smallest
+
+    def level(self, states: States) -> np.ndarray:
+        """What leads to a contact (n,), where the measure tells contacts; the measure elsewhere."""
+        return climbed_of(states) if self._has_contacts else states.smallest
 
     def alive(self, states: States) -> np.ndarray:
         """Which go on (n,)."""
@@ -103,7 +115,9 @@ class HighwayPaths:
     def features(self, states: States) -> np.ndarray:
         """(n, other vehicles, FEATURES) float32."""
         parts = self._alone.parts
-        return features_of(states, self._layout.ego, parts.road[2], self._scenario.time.step_s)
+        return features_of(
+            states, self._layout.ego, parts.ego, parts.network, parts.road[2], self._scenario.time.step_s
+        )
 
     def take(self, states: States, rows: np.ndarray) -> States:
         """Copies of these rows."""
@@ -118,6 +132,7 @@ class HighwayPaths:
             self._constants, self._scenario.time.step_s, parts.measure, parts.traits, s.agents, s.observations, s.minds,
             s.noise, s.causes, s.heads, s.smallest, s.status, s.at, s.driven,
         )  # fmt: skip
+        self._look(s)
         return s
 
     def drawn(self, x: np.ndarray, seed: int, keys: np.ndarray) -> tuple[np.ndarray, PathNoise]:

@@ -24,6 +24,7 @@ class States:
     causes: (n, v, 4): reaction time, and onset, duration and leak of the long glance that comes next or has been
     heads: (n, 404) float32, the last layer that drives the others
     smallest: (n,) value of the measure so far; NaN where the ego failed
+    nearest: (n,) smallest level at a checkpoint so far (`service.world.paths.level`)
     status: (n,) how the ego stands (`service.world.sim.step`)
     at: (n,) steps from the start
     driven: (n,) of these in the last call of `advance`
@@ -36,6 +37,7 @@ class States:
     causes: np.ndarray
     heads: np.ndarray
     smallest: np.ndarray
+    nearest: np.ndarray
     status: np.ndarray
     at: np.ndarray
     driven: np.ndarray
@@ -59,6 +61,7 @@ def empty_states(n: int, vehicles: int, human: bool) -> States:
         causes=np.zeros((n, minded, CAUSES)),
         heads=np.zeros((n, layout.HEAD_SIZE), np.float32),
         smallest=np.zeros(n),
+        nearest=np.full(n, np.inf),
         status=np.zeros(n, np.int64),
         at=np.zeros(n, np.int64),
         driven=np.zeros(n, np.int64),

@@ -4,17 +4,26 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 import tailroad
-from service.analysis.run.committors import committor_from
+from service.analysis.run.committors import committor_for, committor_from
+from service.analysis.run.question import jobs_of
 from service.errors import InputError, StoreError
 from service.evaluation.path_store import batch_name, committor_in
 from service.evaluation.store import RunDirectory
 from service.world.scenario import load_scenario
 
-ASKED = {"gamma": 1.0, "method": "paths", "budget": 500, "options": {"batches": 5, "rounds": 1}, "seed": 4}
+ASKED = {
+    "gamma": 1.0,
+    "method": "paths",
+    "budget": 500,
+    "options": {"batches": 5, "rounds": 1},
+    "committor": "own",
+    "seed": 4,
+}
 
 
 def asked(out: Path, **others) -> tailroad.Run:
@@ -115,3 +124,25 @@ def test_what_cannot_be_driven_as_paths_is_refused_by_name(others, match, tmp_pa
     given = {"ego": "lidar-paper"} | ASKED | others
     with pytest.raises(InputError, match=match):
         tailroad.estimate(load_scenario("i80-paper-10s"), given.pop("ego"), out=tmp_path / "run", **given)
+
+
+@pytest.mark.parametrize("name", ["i80-paper-10s"])
+def test_a_built_in_scenario_has_a_committor_of_its_own_whatever_it_is_called(name):
+    scenario = load_scenario(name)
+    found = committor_for(None, msgspec.structs.replace(scenario, name="mine", description=""))
+    assert found is not None
+    assert (
+        committor_for(None, msgspec.structs.replace(scenario, start=load_scenario("us101-10s").start)) is None
+    )
+    assert committor_for("own", scenario) is None
+
+
+def test_auto_drives_paths_where_it_can():
+    def method(**others):
+        given = {"scenario": "i80-paper-10s", "ego": "lidar-paper", "gamma": 0.5, "here": True, "meet": False}
+        (job,) = jobs_of(**(given | others))
+        return job.method, job.id
+
+    assert method() == ("paths", "auto")
+    assert method(here=False) == method(budget=1999) == method(rel_error=0.1) == ("auto", "auto")
+    assert method(ego="vision-paper") == method(options={"batch_size": 500}) == ("auto", "auto")
