@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate contacts test check lint docs bench bench-camera calibration calibration-peers other-measures guides faults attentive bench-fleet fuzz foreign-clients drivers a39 ego-vision schema example-ego pins wheel format clean
+.PHONY: help estimate contacts committors test check lint docs bench bench-camera calibration calibration-peers other-measures guides faults attentive bench-fleet fuzz foreign-clients drivers a39 ego-vision schema example-ego pins wheel format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
@@ -25,6 +25,7 @@ help:
 	@echo "make drivers DATA=DIR  train the shipped weights again and remake their cards (hours on one core)"
 	@echo "make a39 COPY=FILE  road, scenario, drivers and realism card of a recorded motorway (an hour)"
 	@echo "make ego-vision  train the shipped vision ego again, with its card (an hour on one core; needs no data)"
+	@echo "make committors  teach the committors of method paths again, with their cards (20 minutes on one core)"
 	@echo "make schema     make the Python code of the egos' messages anew"
 	@echo "make example-ego  build the example ego in Rust and drive with it (minutes; needs cargo)"
 	@echo "make wheel      build the wheel and install it and all it needs in an empty environment (minutes)"
@@ -36,6 +37,13 @@ help:
 estimate: $(VENV)/.installed
 	$(BIN)/tailroad estimate i80-paper-10s --ego lidar-paper --gamma 0.5 --method naive --method ce --budget 20000 --seed 1 \
 	  --iterations 4 --samples-per-iteration 1500 --rho 0.1 --mean-box 0.0001 --max-kl 2.5
+
+# The committors that `paths` and `auto` start from, with their cards: the same bits on any processor.
+committors: $(VENV)/.installed
+	$(BIN)/tailroad train committor --scenario i80-paper-10s --ego lidar-paper --ego lidar --aim 0.7 --aim 0.55 --aim 0.45 --aim 0.35 --aim 0.28 \
+	  --naive 3000 --rounds 25 --steps 10000 --seed 1 --out $(WEIGHTS)
+	$(BIN)/tailroad train committor --scenario i80-10s --ego lidar-paper --ego lidar --aim 3.0 --aim 2.0 --aim 1.0 --aim 0.0 --aim 0.0 \
+	  --naive 3000 --rounds 25 --steps 10000 --seed 1 --out $(WEIGHTS)
 
 # Contacts of the ego `lidar` among drivers who err, counted and by METHOD; one in some 10^5 to 10^6 drives, too rare for
 # counting in minutes.
