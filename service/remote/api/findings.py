@@ -1,12 +1,15 @@
 """What jobs come to beyond numbers, over the API: what the search learned, comparison, risk, report."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 
 import msgspec
 
 from service.analysis.comparison.compare import comparison_of
 from service.analysis.comparison.objects import Comparison
 from service.analysis.exposure import exposure_of
+from service.analysis.failures.rerun import Rerunner
 from service.analysis.learned.learn import learned_of
 from service.analysis.learned.objects import Learned
 from service.analysis.learned.scatter import scatter_of
@@ -14,41 +17,36 @@ from service.analysis.learned.scatter_objects import Scatter
 from service.analysis.report import Made, report_of
 from service.analysis.report.objects import Report
 from service.analysis.risk import Risk, baseline_of, risk_of
-from service.remote.api.background import Background
+from service.evaluation.record import JobRecord
 from service.remote.api.files import File
-from service.remote.api.limits import Limits
 from service.remote.api.problems import ApiError, Wrong, short
-from service.remote.api.records import Records
 from service.remote.api.requests import AskComparison, AskLearned, AskReport, AskRisk, AskScatter
-from service.remote.api.reruns import Reruns
+from service.remote.api.rerunning import RerunningAnswers
+
+Found = TypeVar("Found")
 
 
-class FindingAnswers:
+class FindingAnswers(RerunningAnswers):
     """What is answered on jobs/ID/learned, scatter, risk, report, report.json, and on comparison."""
 
-    def __init__(self, records: Records, background: Background, limits: Limits, reruns: Reruns):
-        self._records, self._background, self._limits = records, background, limits
-        self._reruns = reruns
-
     def learned(self, asked: AskLearned, job: str) -> Learned:
-        state, rollouts = self._records.state(job), min(asked.rollouts, self._limits.examine)
-
-        def compute() -> Learned:
-            record = self._records.record(state)
-            with self._reruns.of(record.job) as rerunner:
-                return learned_of(job, record, rerunner, rollouts)
-
-        return self._background.get(("learned", state, rollouts), compute)
+        return self._searched("learned", job, asked.rollouts, learned_of)
 
     def scatter(self, asked: AskScatter, job: str) -> Scatter:
-        state, rollouts = self._records.state(job), min(asked.rollouts, self._limits.examine)
+        return self._searched("scatter", job, asked.rollouts, scatter_of)
 
-        def compute() -> Scatter:
+    def _searched(
+        self, name: str, job: str, asked: int, found: Callable[[str, JobRecord, Rerunner, int], Found]
+    ) -> Found:
+        """What a search found, by rollouts that are run again: as many as are asked for, within limits."""
+        state, rollouts = self._records.state(job), min(asked, self._limits.examine)
+
+        def compute() -> Found:
             record = self._records.record(state)
             with self._reruns.of(record.job) as rerunner:
-                return scatter_of(job, record, rerunner, rollouts)
+                return found(job, record, rerunner, rollouts)
 
-        return self._background.get(("scatter", state, rollouts), compute)
+        return self._background.get((name, state, rollouts), compute)
 
     def risk(self, asked: AskRisk, job: str) -> Risk:
         baseline = baseline_of(asked.baseline, asked.source)
