@@ -8,7 +8,8 @@ import numpy as np
 from policies.egos import EgoPolicy
 from policies.references import REFERENCES, reference_driver
 from service.analysis.failures.motion import Motion, motion_of
-from service.analysis.prevention.onset import Onset, onset_of
+from service.analysis.failures.rerun import Rerun
+from service.analysis.prevention.onset import TTC_S, Onset, onset_of
 from service.analysis.trace import Trace, record
 from service.closing import Closing
 from service.evaluation.job import Job, Problem
@@ -34,6 +35,7 @@ class Conflict:
     motion: as of `service.analysis.failures`
     onset: None where the rollout failed
     driven: what it came to with each reference driver, by name; empty where it failed
+    traces: of these, where they were asked for
     """
 
     f: float
@@ -42,6 +44,7 @@ class Conflict:
     motion: Motion | None = None
     onset: Onset | None = None
     driven: dict[str, Rollout] | None = None
+    traces: dict[str, Trace] | None = None
 
 
 def check_reference(name: str) -> None:
@@ -86,7 +89,7 @@ class HandedOver(Closing):
         self._wheel.to(reference, step)
         return record(self.problem, self._simulator, x, noise_seed)
 
-    def look(self, x: np.ndarray, noise_seed: Noise, ttc_s: float) -> Conflict:
+    def look(self, x: np.ndarray, noise_seed: Noise, ttc_s: float, traced: bool = False) -> Conflict:
         """Run the rollout again: as it was, then with each reference driver; ttc_s: see `onset_of`."""
         trace = self.as_it_was(x, noise_seed)
         result = trace.rollout
@@ -94,6 +97,10 @@ class HandedOver(Closing):
             return Conflict(result.f, result.outcome, result.error)
         motion = motion_of(trace, self.problem.job.scenario.safety.rays, self.problem.corridor)
         onset = onset_of(trace, partner(trace, motion), ttc_s)
+        if traced:
+            traces = {name: self.trace_of(name, onset.step, x, noise_seed) for name in self.references}
+            driven = {name: one.rollout for name, one in traces.items()}
+            return Conflict(result.f, result.outcome, None, motion, onset, driven, traces)
         driven = {name: self.driven_by(name, onset.step, x, noise_seed) for name in self.references}
         return Conflict(result.f, result.outcome, None, motion, onset, driven)
 
@@ -110,9 +117,11 @@ def partner(trace: Trace, motion: Motion | None) -> int | None:
 class Conflicts(NumberedParts[Part, Conflict]):
     """Worker processes for one job, started when first needed; use as a context manager."""
 
-    def __init__(self, job: Job, references: Sequence[str], ttc_s: float, workers: int = 1):
+    def __init__(
+        self, job: Job, references: Sequence[str], ttc_s: float, workers: int = 1, traced: bool = False
+    ):
         here = next((name for name in (job.ego, *references) if name.startswith(HERE)), job.ego)
-        arguments = (job, tuple(references), ttc_s)
+        arguments = (job, tuple(references), ttc_s, traced)
         super().__init__(ProcessPool(workers, LOOKS, _open, arguments, lambda: context_for(here)))
 
     def look(
@@ -122,18 +131,34 @@ class Conflicts(NumberedParts[Part, Conflict]):
         return self._in_order(list(enumerate(drawn)), AT_ONCE, on_done)
 
 
+def driven_by(job: Job, reference: str, x: np.ndarray, noise_seed: Noise, ttc_s: float = TTC_S) -> Rerun:
+    """A rollout with a reference driver in the ego's place from the onset of its conflict on, traced.
+
+    What the motion is about is as it was without it.
+    """
+    with Conflicts(job, (reference,), ttc_s, traced=True) as conflicts:
+        (found,) = conflicts.look([(x, noise_seed)])
+    if found.traces is None:
+        return Rerun(found.f, found.outcome, found.error)
+    trace = found.traces[reference]
+    result = trace.rollout
+    return Rerun(
+        result.f, result.outcome, result.error, motion=found.motion, trace=trace, contact=result.contact
+    )
+
+
 _world: HandedOver | None = None  # of the worker process
-_ttc_s = 0.0
+_ttc_s, _traced = 0.0, False
 
 
-def _open(job: Job, references: tuple[str, ...], ttc_s: float) -> None:
-    global _world, _ttc_s
-    _world, _ttc_s = HandedOver(Problem(job), references), ttc_s
+def _open(job: Job, references: tuple[str, ...], ttc_s: float, traced: bool) -> None:
+    global _world, _ttc_s, _traced
+    _world, _ttc_s, _traced = HandedOver(Problem(job), references), ttc_s, traced
 
 
 def _run(part: list[Part]) -> list[Conflict]:
     assert _world is not None
-    return [_world.look(*draw, _ttc_s) for _, draw in part]
+    return [_world.look(*draw, _ttc_s, _traced) for _, draw in part]
 
 
 LOOKS = of_lists(_run, lambda part: Conflict(np.nan, "error", DIED))

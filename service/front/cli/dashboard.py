@@ -1,6 +1,7 @@
 """`tailroad dashboard`: pages for browsers on what a service does."""
 
 import ipaddress
+import re
 from typing import Any
 
 import click
@@ -32,6 +33,12 @@ def _checked(ctx: click.Context, param: click.Parameter, value: str) -> Any:
     return address_of(value)
 
 
+def _root(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    if value and not re.fullmatch(r"(/[A-Za-z0-9._~-]+)+/?", value):
+        raise click.BadParameter(f"{value!r}: give a path, as in /tailroad")
+    return value.rstrip("/")
+
+
 @click.command()
 @connect_option("Zenoh endpoint of the service or a router", (DEFAULT_ENDPOINT,))
 @click.option("--address", default=DEFAULT_ADDRESS, show_default=True, metavar="[HOST:]PORT", callback=_checked,
@@ -44,6 +51,8 @@ def _checked(ctx: click.Context, param: click.Parameter, value: str) -> Any:
     is_flag=True,
     help="Show all and change nothing: no submitting, cancelling, pausing. So with the configuration of a reader.",
 )
+@click.option("--root", default="", metavar="/PATH", callback=_root,
+              help="Path that a proxy has it under, as /tailroad; taken off by it or not.")  # fmt: skip
 @zenoh_config_option()
 @click.option("--timeout", type=click.FloatRange(0.1, 3600), default=20.0, show_default=True,
               help="Seconds to wait for an answer of the service.")  # fmt: skip
@@ -53,6 +62,7 @@ def command(
     address: tuple[str, int],
     names: tuple[str, ...],
     read_only: bool,
+    root: str,
     zenoh_config: str | None,
     timeout: float,
     parent: int | None,
@@ -72,11 +82,11 @@ def command(
     if not _is_loopback(host):
         click.echo(f"warning: whoever reaches {host} may use this dashboard; it has no log-in", err=True)
     with Client(connect, zenoh_config, timeout, patience_s=0.0, read_only=read_only) as client:
-        dashboard = Dashboard(client, host, port, names, client.read_only)
+        dashboard = Dashboard(client, host, port, names, client.read_only, root)
         if parent is not None:
             end_with_parent(parent)
         shown = f"[{host}]" if ":" in host else host
-        click.echo(f"dashboard on http://{shown}:{dashboard.port}/", err=True)
+        click.echo(f"dashboard on http://{shown}:{dashboard.port}{root}/", err=True)
         dashboard.run()
 
 

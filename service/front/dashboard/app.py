@@ -13,7 +13,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
-from starlette.types import ASGIApp
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from service.analysis.rollout_files import SUFFIXES
 from service.front.dashboard.files import Files
@@ -31,6 +31,7 @@ from service.front.dashboard.pages import (
     rollout,
     rollouts,
     submit,
+    verdict,
 )
 from service.front.dashboard.pages import log as job_log
 from service.front.dashboard.site import Part, Site
@@ -54,11 +55,26 @@ class ImmutableFiles(StaticFiles):
         return response
 
 
+class Rooted:
+    """Takes a root from the paths of requests, where a proxy has left it there."""
+
+    def __init__(self, app: ASGIApp, root: str):
+        self._app, self._root = app, root
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if self._root and scope["type"] == "http" and f"{scope['path']}/".startswith(f"{self._root}/"):
+            scope = {**scope, "path": scope["path"].removeprefix(self._root) or "/"}
+        await self._app(scope, receive, send)
+
+
 def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
     """The dashboard as an ASGI application. names: host names that it may be called by."""
 
     workers = fleet.FleetPage()
     files, job_parts = Files(site), (*job.PARTS, learned.LEARNED)
+
+    def back_to(path: str, status: int = 303) -> Response:
+        return RedirectResponse(site.root + path, status)
 
     @asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
@@ -105,6 +121,12 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
     async def parameters_page(request: Request) -> Response:
         return await site.page(request, "parameters.html", parameters.PARTS, await known_job(request))
 
+    async def verdict_page(request: Request) -> Response:
+        return await site.page(request, "verdict.html", verdict.PARTS, await known_job(request))
+
+    async def glossary_page(request: Request) -> Response:
+        return await site.page(request, "glossary.html")
+
     async def log_page(request: Request) -> Response:
         return await site.page(request, "log.html", job_log.PARTS, await known_job(request))
 
@@ -120,8 +142,10 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
 
     async def rollout_page(request: Request) -> Response:
         asked = rollout.Asked(request)
+        beside = await rollout.beside(site, asked, request.query_params.get("beside", ""))
         values = await known_job(request) | {
             "asked": asked,
+            "beside": beside,
             "formats": {form: (SUFFIXES[form], said) for form, said in rollout.SAID.items()},
         }
         return await site.page(request, "rollout.html", rollout.PARTS, values)
@@ -136,7 +160,7 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
             made, form = await submit.submit(site, form)
         if made is None:
             return await site.page(request, "submit.html", submit.PARTS, {"form": form}, 422)
-        return RedirectResponse(f"/jobs/{quote(made.id, safe='')}", 303)
+        return back_to(f"/jobs/{quote(made.id, safe='')}", 303)
 
     async def order(request: Request) -> Response:
         name, what = request.path_params["job"], request.path_params["order"]
@@ -145,7 +169,7 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
             raise HTTPException(404)
         back = local_path((await sent(request)).get("back", ""), f"/jobs/{quote(name, safe='')}")
         await site.link.order(lambda client: order(client, name))
-        return RedirectResponse(back, 303)
+        return back_to(back, 303)
 
     async def chosen(request: Request) -> Response:
         """One order for all the jobs that were chosen in the list."""
@@ -159,7 +183,7 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
             if name in known:
                 await site.link.order(partial(orders, job=known[name]))
                 site.book.noted(name)
-        return RedirectResponse(local_path(given.get("back", ""), "/"), 303)
+        return back_to(local_path(given.get("back", ""), "/"), 303)
 
     async def note(request: Request) -> Response:
         name, given = request.path_params["job"], await sent(request)
@@ -167,7 +191,7 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
         archived = given.get("archived") == "1"
         await site.link.order(lambda client: client.note(name, text, tags, archived))
         site.book.noted(name)
-        return RedirectResponse(f"/jobs/{quote(name, safe='')}", 303)
+        return back_to(f"/jobs/{quote(name, safe='')}", 303)
 
     async def events(request: Request) -> Response:
         if site.live.full:
@@ -208,6 +232,9 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
         Route("/jobs/{job}/parameters", parameters_page),
         parts("/jobs/{job}/parameters", *parameters.PARTS),
         Route("/jobs/{job}/scatter.json", files.scatter),
+        Route("/glossary", glossary_page),
+        Route("/jobs/{job}/verdict", verdict_page),
+        parts("/jobs/{job}/verdict", *verdict.PARTS),
         Route("/jobs/{job}/log", log_page),
         parts("/jobs/{job}/log", *job_log.PARTS),
         Route("/jobs/{job}/risk", risk_page),
@@ -229,4 +256,4 @@ def make_app(site: Site, names: Sequence[str] = ()) -> ASGIApp:
     ]
     handlers = {Refused: trouble, NoAnswer: trouble, HTTPException: wrong_address, Exception: failed}
     app = Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers)
-    return Guard(app, names, site.read_only)
+    return Rooted(Guard(app, names, site.read_only), site.root)

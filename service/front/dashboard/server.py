@@ -38,10 +38,17 @@ class Dashboard:
     """Serves browsers at host:port (port 0: any free one; `port` says which) until stopped.
 
     client: must not wait for long answers (patience_s=0)
+    root: path that a proxy has it under, as /tailroad
     """
 
     def __init__(
-        self, client: Client, host: str, port: int, names: Sequence[str] = (), read_only: bool = False
+        self,
+        client: Client,
+        host: str,
+        port: int,
+        names: Sequence[str] = (),
+        read_only: bool = False,
+        root: str = "",
     ):
         self._socket = _listening(host, port)
         self.port: int = self._socket.getsockname()[1]
@@ -49,7 +56,7 @@ class Dashboard:
         book = Book()
         self._live = Live(client, rates, lambda: self._link.forget_passing(), book.noted)
         self._link = Link(client, self._live.link_changed)
-        site = Site(self._link, self._live, rates, read_only, book)
+        site = Site(self._link, self._live, rates, read_only, book, root)
         config = uvicorn.Config(
             make_app(site, names),
             log_config=None,

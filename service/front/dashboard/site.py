@@ -7,6 +7,7 @@ asks for it; and the browser asks again when a job tells one of `kinds`.
 import asyncio
 import hashlib
 import logging
+import re
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -19,6 +20,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
 from service.analysis import wording
+from service.front.dashboard import glossary
 from service.front.dashboard.book import Book
 from service.front.dashboard.link import Link
 from service.front.dashboard.live import Live, Rates
@@ -29,6 +31,11 @@ log = logging.getLogger("tailroad.dashboard")
 
 FIRST_PAINT_S = 0.4  # that a page waits for its parts
 Load = Callable[["Site", Request], Awaitable[dict[str, Any]]]
+# attributes whose values are addresses; what was told by others cannot hold one, as its quotes are escaped
+ADDRESS = re.compile(
+    r'(\s(?:href|src|action|formaction|data-(?:part|playback|camera|film|scatter|rollouts))=")(/(?!/))'
+)
+THEMES = ("light", "dark")
 STATUS_KINDS = ("status",)
 
 
@@ -56,6 +63,7 @@ class Site:
     rates: Rates
     read_only: bool = False
     book: Book = field(default_factory=Book)
+    root: str = ""  # path that a proxy has this dashboard under, without a slash at its end
 
     def __post_init__(self) -> None:
         self.templates = Environment(
@@ -65,11 +73,17 @@ class Site:
             trim_blocks=True,
             lstrip_blocks=True,
         )
-        self.templates.globals |= {"static": static_address, "read_only": self.read_only, "words": wording}
+        self.templates.globals |= {
+            "root": self.root,
+            "static": static_address,
+            "read_only": self.read_only,
+            "words": wording,
+        }
+        self.templates.globals["glossary"] = glossary
         self.templates.globals["tailroad_version"] = version("tailroad")
 
     def draw(self, template: str, values: Mapping[str, Any]) -> str:
-        return self.templates.get_template(template).render(values)
+        return under(self.root, self.templates.get_template(template).render(values))
 
     async def draw_part(self, part: Part, request: Request) -> tuple[int, str, float | None]:
         """Status, HTML, and after how many seconds to ask again. A part that fails says so in its own place."""
@@ -105,6 +119,7 @@ class Site:
             "reason": self.link.reason,
             "path": request.url.path,
             "mark": mark,
+            "theme": theme_of(request),
         }
         return HTMLResponse(self.draw(template, values), status)
 
@@ -127,8 +142,20 @@ class Site:
             "reason": self.link.reason,
             "path": request.url.path,
             "mark": self.live.mark,
+            "theme": theme_of(request),
         }
         return HTMLResponse(self.draw("trouble.html", values), trouble.status)
+
+
+def under(root: str, html: str) -> str:
+    """The HTML with all its own addresses below a root."""
+    return ADDRESS.sub(lambda found: found[1] + root + found[2], html) if root else html
+
+
+def theme_of(request: Request) -> str:
+    """What the reader has chosen in this browser; "": as the system has it."""
+    chosen = request.cookies.get("tailroad-theme", "")
+    return chosen if chosen in THEMES else ""
 
 
 def _digests() -> dict[str, str]:

@@ -14,6 +14,7 @@ from service.analysis.failures.objects import Failures
 from service.analysis.failures.play import playback_of
 from service.analysis.failures.rerun import Rerun
 from service.analysis.failures.scenario_file import scenario_text
+from service.analysis.prevention.conflict import driven_by
 from service.analysis.video import EgoView, jpeg_pictures
 from service.evaluation.drawn_again import drawn_again
 from service.evaluation.record import JobRecord
@@ -101,8 +102,11 @@ class DangerousAnswers(RerunningAnswers):
         phase, iteration, f = self._recorded(state, record, asked, row)
         x, noise_seed = self._drawn(state, record, phase, iteration, row)
         looked_at = asked.trace or asked.playback or asked.camera
-        with self._reruns.of(record.job) as runner:
-            (again,) = runner.run([(x, noise_seed)], [0] if looked_at else ())
+        if asked.reference is not None:
+            again = driven_by(record.job, asked.reference, x, noise_seed)
+        else:
+            with self._reruns.of(record.job) as runner:
+                (again,) = runner.run([(x, noise_seed)], [0] if looked_at else ())
         same = np.float64(again.f).tobytes() == np.float64(f).tobytes() or (np.isnan(again.f) and np.isnan(f))
         title = _title(job, phase, iteration, row)
         trace = again.trace

@@ -1,12 +1,14 @@
 """What requests may say: parameters of a key, and the body that submits a job. Anything else is refused."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 from msgspec import Meta
 
 from service.evaluation.failed_share import MAX_FAILED
 
+Reference = Literal["r157-cc", "r157-cc-aeb", "r157-5.2.5.2", "fsm", "rss"]
+REFERENCES: tuple[str, ...] = get_args(Reference)
 MAX_PAGE = 1000
 MAX_NOTE = 2000  # characters of words about a job
 MAX_ROLLOUTS = 10_000  # of one page
@@ -141,7 +143,7 @@ class AskPrevention(_Request, frozen=True):
     onset_ttc_s: time to collision at which a conflict begins
     """
 
-    reference: Literal["r157-cc", "r157-cc-aeb", "r157-5.2.5.2", "fsm", "rss"] | None = None
+    reference: Reference | None = None
     examine: Annotated[int, Meta(ge=1, le=10_000)] | None = None
     onset_ttc_s: Annotated[float, Meta(gt=0.0, le=1000.0)] | None = None
 
@@ -153,6 +155,7 @@ class AskRollout(_Request, frozen=True):
     trace: columns of every vehicle's state
     playback: what a player needs to show it
     camera: pictures of the ego's camera, evenly over the rollout
+    reference: driver in the ego's place from the onset of the conflict on
     """
 
     phase: Literal["estimate", "train"] = "estimate"
@@ -160,6 +163,7 @@ class AskRollout(_Request, frozen=True):
     trace: bool = False
     playback: bool = False
     camera: Annotated[int, Meta(ge=0, le=1000)] = 0
+    reference: Reference | None = None
 
 
 class AskExport(_Request, frozen=True):

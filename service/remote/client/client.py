@@ -150,6 +150,7 @@ class Client(Closing):
         trace: bool = False,
         playback: bool = False,
         camera: int = 0,
+        reference: str | None = None,
     ) -> O.RolloutView:
         """One rollout, run once more; what to bring of it as of `service.remote.api.requests.AskRollout`."""
         asked = {
@@ -158,6 +159,7 @@ class Client(Closing):
             "trace": str(trace).lower(),
             "playback": str(playback).lower(),
             "camera": camera,
+            "reference": reference,
         }
         return self._of(job, f"rollouts/{row}", O.RolloutView, **asked)
 

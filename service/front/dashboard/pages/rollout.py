@@ -1,6 +1,7 @@
 """One rollout, run once more: what happened, its values over time, and what the player needs."""
 
 import re
+from dataclasses import dataclass
 from typing import Any
 from urllib.parse import quote
 
@@ -12,10 +13,13 @@ from service.analysis.wording import quantity
 from service.front.dashboard.charts import Chart, Mark, Series, figure
 from service.front.dashboard.link import FOR_GOOD_S
 from service.front.dashboard.pages.failures import ENDS
+from service.front.dashboard.pages.jobs import all_jobs
 from service.front.dashboard.site import Part, Site
-from service.remote.api.objects import RolloutView
-from service.remote.client import Client
+from service.remote.api.objects import Job, RolloutView
+from service.remote.api.requests import REFERENCES
+from service.remote.client import Client, NoAnswer, Refused
 
+MOST_BESIDE = 50  # jobs to choose from
 CAMERA_PICTURES = 24
 FAR = 6.0  # times the threshold (or 0.5), above which the safety measure is not drawn
 NAMES = {
@@ -46,17 +50,26 @@ class Asked:
             "train",
         ):
             raise HTTPException(404)
+        self.reference = query.get("reference", "")
+        if self.reference and self.reference not in REFERENCES:
+            raise HTTPException(404)
         self.row = int(row)
         self.iteration = int(iteration) if iteration else None
 
     def ask(self, client: Client, playback: bool = False, camera: int = 0) -> RolloutView:
         return client.rollout(
-            self.job, self.row, self.phase, self.iteration, playback=playback, camera=camera
+            self.job,
+            self.row,
+            self.phase,
+            self.iteration,
+            playback=playback,
+            camera=camera,
+            reference=self.reference or None,
         )
 
     @property
     def key(self) -> tuple:
-        return self.job, self.phase, self.iteration, self.row
+        return self.job, self.phase, self.iteration, self.row, self.reference
 
     @property
     def address(self) -> str:
@@ -84,6 +97,48 @@ async def photographed(site: Site, asked: Asked) -> RolloutView:
     return await site.link.ask(
         ("camera", asked.key), lambda client: asked.ask(client, camera=CAMERA_PICTURES), FOR_GOOD_S
     )
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What a rollout can be shown beside.
+
+    name: of what is, "" for nothing
+    playback: its address
+    jobs, references: what there is to choose from
+    """
+
+    name: str
+    playback: str
+    jobs: tuple[Job, ...]
+    references: tuple[str, ...]
+
+
+async def beside(site: Site, asked: Asked, wanted: str) -> Beside:
+    """Jobs on the same draws, and reference drivers; wanted: one of them, by its id or name."""
+    try:
+        jobs = await all_jobs(site)
+    except (NoAnswer, Refused):
+        jobs = []
+    own = next((job for job in jobs if job.id == asked.job), None)
+    alike = tuple(
+        job for job in reversed(jobs) if own is not None and job.id != own.id and same_draws(job, own)
+    )[:MOST_BESIDE]
+    other = next((job for job in alike if job.id == wanted), None)
+    if wanted in REFERENCES:
+        return Beside(
+            wanted, f"{asked.address}/playback.json{asked.query}&reference={wanted}", alike, REFERENCES
+        )
+    if other is None:
+        return Beside("", "", alike, REFERENCES)
+    address = f"/jobs/{quote(other.id, safe='')}/rollouts/{asked.row}/playback.json{asked.query}"
+    return Beside(f"{other.label or other.id} ({other.ego})", address, alike, REFERENCES)
+
+
+def same_draws(one: Job, other: Job) -> bool:
+    """Whether a row of one job and the same row of the other are one draw: both are of P0, with the same seed."""
+    what = [(job.scenario, job.seed, job.noise_mode, job.method) for job in (one, other)]
+    return what[0] == what[1] and one.method == "naive"
 
 
 async def facts(site: Site, request: Request) -> dict[str, Any]:

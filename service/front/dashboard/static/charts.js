@@ -55,7 +55,7 @@ function slide(box, place) {
   const one = known[place];
   box.querySelector("input").setAttribute("aria-valuetext", one.said);
   box.querySelector("output").textContent = one.said;
-  box.querySelector("a").href = one.rollouts;
+  box.querySelector("a").href = document.documentElement.dataset.root + one.rollouts;
   const svg = document.getElementById("chart-curve-picture");
   if (svg) crossAt(svg, one.gamma);
 }

@@ -103,7 +103,7 @@ function tell(now, text, why = "") {
 function listen() {
   const wanted = new URLSearchParams({ since }); // what happened since the page was drawn comes first
   if (document.body.dataset.job) wanted.set("job", document.body.dataset.job);
-  const source = new EventSource(`/live?${wanted}`);
+  const source = new EventSource(`${document.documentElement.dataset.root}/live?${wanted}`);
   source.addEventListener("link", (event) => {
     if (JSON.parse(event.data).here) tell("yes", "Live");
     else tell("no", "No service", "tailroad serve does not run, or cannot be reached.");

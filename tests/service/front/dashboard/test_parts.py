@@ -17,6 +17,9 @@ from service.analysis.comparison import objects as C
 from service.analysis.estimate_parts import EstimateWarning, Rollouts
 from service.analysis.failures.playback import Playback, RoadLine, Track
 from service.analysis.learned.objects import Behaviour, Learned, Parameter, Rate, Spread
+from service.analysis.prevention import objects as V
+from service.analysis.severity.objects import AtLeast, Injury, Likely, Severity
+from service.evaluation.summary import Ending
 from service.front.dashboard.live import Live, Rates
 from service.front.dashboard.pages import (
     compare,
@@ -29,6 +32,7 @@ from service.front.dashboard.pages import (
     rollout,
     rollouts,
     submit,
+    verdict,
 )
 from service.front.dashboard.pages import log as job_log
 from service.front.dashboard.site import Part, Site
@@ -311,6 +315,57 @@ FAILURES = {
         }
     ],
 }
+PART = V.Part(events=1, share=0.5, share_ci=(0.1, 0.9), p=1e-3, ci=CI)
+OF_MODE = V.OfMode(mode="m", name=EVIL, events=1, prevented=1, share=1.0, share_ci=(0.1, 1.0), preventable=PART,
+                   unpreventable=PART)  # fmt: skip
+ASKED = {"run": "r", "job": "j1", "scenario": "s", "ego": EVIL, "method": "ce", "gamma": 0.5, "confidence": 0.95,
+         "order": "likelihood", "events": 2, "examined": 1, "notes": (EVIL,)}  # fmt: skip
+PREVENTION = V.Prevention(
+    **ASKED,
+    p=1e-3,
+    ci=CI,
+    onset_ttc_s=None,
+    bridged_s=0.5,
+    references=(
+        V.ByReference(
+            reference=EVIL,
+            says=EVIL,
+            preventable=PART,
+            unpreventable=PART,
+            modes=(OF_MODE,),
+            outcomes={EVIL: 1},
+            failed=0,
+        ),
+    ),
+    rollouts=(
+        V.Prevented(
+            rank=1,
+            iteration=0,
+            row=7,
+            noise_seed="5",
+            f=0.2,
+            same_to_the_bit=True,
+            outcome="horizon",
+            share=0.5,
+            mode="m",
+            other=EVIL,
+            onset=None,
+            driven={EVIL: V.Driven(f=None, outcome="horizon", prevented=True)},
+        ),
+    ),
+)
+LIKELY = {"events": 1, "p": 1e-3, "ci": CI}
+INJURY = Injury(**LIKELY, given_contact=0.1, given_contact_ci=(0.0, 0.2))
+SEVERITY = Severity(
+    **ASKED,
+    contact=Likely(**LIKELY),
+    at_least=(AtLeast(**LIKELY, delta_v_mps=5.0),),
+    injury=INJURY,
+    other_injury=INJURY,
+    masses_kg={},
+    contacts=(),
+    assumptions=(EVIL,),
+)
 TRACK = Track(
     name=EVIL,
     role="ego",
@@ -377,6 +432,8 @@ ANSWERS: dict[str, Any] = {
     "learned": LEARNED,
     "comparison": COMPARISON,
     "risk": RISK,
+    "prevention": PREVENTION,
+    "severity": SEVERITY,
     "failures": FAILURES,
     "rollout": ROLLOUT,
 }
@@ -423,6 +480,8 @@ PARTS = {
     "forecast": (submit.FORECAST, "scenario=i80-10s&ego=%3Cimg&budget=20"),
     "rollouts": (rollouts.PARTS[1], "outcome=collision&low=x&page=2"),
     "risk": (risk.PARTS[1], ""),
+    "prevention": (verdict.PARTS[1], ""),
+    "severity": (verdict.PARTS[2], ""),
     "rollout": (rollout.PARTS[0], ""),
     "choice": (compare.PARTS[0], "jobs=j1"),
     "comparison": (compare.PARTS[1], "jobs=j1,j2"),
@@ -496,6 +555,35 @@ def test_the_fleet_of_a_service_that_does_not_count_chunks_is_shown_all_the_same
     status, html, _ = drawn(site(tally=refused), fleet.FleetPage().parts[0])
     assert status == 200
     assert "older than this dashboard" in html
+
+
+def test_failures_are_those_of_a_mode_or_with_a_vehicle_where_that_is_asked():
+    part = failures.PARTS[1]
+    for query, listed in (
+        ("", True),
+        ("mode=x", False),
+        ("with=background+traffic", True),
+        ("with=env1", False),
+    ):
+        _, html, _ = drawn(site(), part, query)
+        assert ('id="replay-1"' in html) is listed, query
+
+
+def test_endings_have_no_p_where_the_estimate_is_but_a_bound():
+    ending = Ending("collision", 2, 5.9e-100, (1e-101, 3e-99), ())
+    shaky = msgspec.structs.replace(ESTIMATE, p=3.5e-95, ci=(0.0, 0.0173), endings=(ending,))
+    _, html, _ = drawn(site(estimate=shaky), job.ANSWER)
+    assert "p ≤ 0.0173" in html
+    assert "5.9" not in html
+    _, html, _ = drawn(site(estimate=msgspec.structs.replace(shaky, ci=CI, p=1e-3)), job.ANSWER)
+    assert "5.9 × 10⁻¹⁰⁰" in html
+
+
+def test_only_rows_of_naive_jobs_of_one_seed_are_the_same_draw():
+    naive = msgspec.structs.replace(JOB, method="naive")
+    assert rollout.same_draws(naive, msgspec.structs.replace(naive, id="j2", ego="other", gamma=0.1))
+    assert not rollout.same_draws(naive, msgspec.structs.replace(naive, seed=2))
+    assert not rollout.same_draws(JOB, JOB)
 
 
 def test_what_charts_carry_for_the_script_is_json():
