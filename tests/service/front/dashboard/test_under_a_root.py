@@ -1,0 +1,70 @@
+"""A dashboard that a proxy has under a path of its own, whether the proxy takes the path off or not."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from click.testing import CliRunner
+from starlette.responses import JSONResponse
+from starlette.testclient import TestClient
+
+from service.front.cli.main import main
+from service.front.dashboard.app import Rooted, make_app
+from service.front.dashboard.link import Link
+from service.front.dashboard.live import Live, Rates
+from service.front.dashboard.site import Site, under
+from service.remote.client import NoAnswer
+
+OWN = re.compile(r'\s(?:href|action|src|data-part)="(/[^"]*)"')
+
+
+class Away:
+    """A client of a service that is not there."""
+
+    def __getattr__(self, name: str):
+        def ask(*values, **more):
+            raise NoAnswer("nobody is there")
+
+        return ask
+
+
+def test_every_address_of_a_page_is_below_the_root_and_is_answered():
+    rates = Rates()
+    site = Site(Link(Away()), Live(Away(), rates), rates, root="/lab/tailroad")  # type: ignore[arg-type]
+    client = TestClient(make_app(site), base_url="http://127.0.0.1:1", raise_server_exceptions=False)
+    pages = ["/", "/compare", "/glossary", "/jobs/j1/verdict", "/jobs/j1/parameters", "/jobs/j1/failures"]
+    found = set()
+    for page in pages:
+        taken_off, left_on = client.get(page), client.get("/lab/tailroad" + page)
+        assert left_on.status_code == taken_off.status_code == 200
+        addresses = OWN.findall(left_on.text)
+        assert addresses
+        assert all(address.startswith("/lab/tailroad/") for address in addresses), addresses
+        found.update(addresses)
+    for address in sorted(found):
+        if "/static/" in address:
+            assert client.get(address).status_code == 200, address
+    site.link.close()
+
+
+def test_only_the_root_itself_is_taken_off():
+    async def echo(scope, receive, send):
+        await JSONResponse(scope["path"])(scope, receive, send)
+
+    client = TestClient(Rooted(echo, "/lab"))
+    asked = {"/lab/jobs": "/jobs", "/lab": "/", "/jobs": "/jobs", "/labour/jobs": "/labour/jobs"}
+    assert {path: client.get(path).json() for path in asked} == asked
+
+
+def test_addresses_of_others_and_texts_stay_as_they_are():
+    html = '<a href="https://x.example/jobs">/jobs</a> <a href="//x/y">z</a> <p>href=&#34;/jobs&#34;</p>'
+    assert under("/lab", html) == html
+    assert under("/lab", '<a class="b" href="/jobs">') == '<a class="b" href="/lab/jobs">'
+
+
+@pytest.mark.parametrize("root", ["lab", "/a b", '/"x', "//x"])
+def test_a_root_that_is_no_path_is_refused(root: str):
+    result = CliRunner().invoke(main, ["dashboard", "--root", root])
+    assert result.exit_code == 2
+    assert "give a path, as in /tailroad" in result.output
