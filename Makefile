@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help estimate contacts committors test check lint docs bench bench-camera calibration calibration-peers other-measures guides faults attentive bench-fleet fuzz foreign-clients drivers a39 ego-vision schema example-ego pins wheel format clean
+.PHONY: help estimate contacts committors test check lint docs bench bench-against bench-camera calibration calibration-peers other-measures guides faults attentive bench-fleet fuzz foreign-clients drivers a39 ego-vision schema example-ego pins wheel format clean
 
 help:
 	@echo "make estimate   install what the main job needs, and run it (minutes)"
@@ -13,6 +13,7 @@ help:
 	@echo "make check      the same without the tests"
 	@echo "make docs       build the documentation into build/docs, and check it"
 	@echo "make bench      measure the world's speed beside the bare SUMO loop"
+	@echo "make bench-against  this checkout's processor time beside that of another commit, REV=... (half an hour)"
 	@echo "make bench-camera  what a picture, the vision network and egos elsewhere cost (minutes)"
 	@echo "make calibration  run every estimator on problems with known answers (an hour or more)"
 	@echo "make calibration-peers  other libraries on the same problems (an hour)"
@@ -72,6 +73,9 @@ docs: $(VENV)/.installed-dev
 
 bench: $(VENV)/.installed
 	$(BIN)/tailroad bench --memory-rollouts 10000
+
+bench-against: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.bench.against --rev $(or $(REV),22f7276)
 
 bench-camera: $(VENV)/.installed-dev
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.bench.camera_speed

@@ -12,12 +12,13 @@ where the installation is read-only.
 import hashlib
 import os
 import re
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numba
+
+from policies.cache import cache_folder
 
 PACKAGES = ("ce", "policies", "service", "sumo_nets")
 _COMPILED = re.compile(r"^\s*from policies\.jit import ", re.MULTILINE)
@@ -85,22 +86,8 @@ def source_digest(root: Path) -> str:
     return digest.hexdigest()[:16]
 
 
-def _cache_folder() -> str:
-    digest = source_digest(Path(__file__).resolve().parents[1])
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    for candidate in (Path(base), Path(tempfile.gettempdir()) / f"tailroad-{os.getuid()}"):
-        folder = candidate / "tailroad" / f"kernels-{digest}"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK):
-            return str(folder)
-    return ""
-
-
 if not os.environ.get("NUMBA_CACHE_DIR"):
-    numba.config.CACHE_DIR = _cache_folder()  # type: ignore[attr-defined]
+    numba.config.CACHE_DIR = cache_folder(f"kernels-{source_digest(Path(__file__).resolve().parents[1])}")  # type: ignore[attr-defined]
 
 
 def kernel(function: Callable) -> Any:

@@ -1,8 +1,8 @@
 """The driver network's forward pass as compiled code, with the same bits on every processor.
 
-Each unit's sum runs over the inputs in index order; inputs that are zero (rectified units, mostly) are left out. The
-inner loop is over units, so the compiler uses vector instructions without changing the order of any sum, and takes four
-inputs at a time, so that the sums are loaded and stored four times less often.
+Each unit's sum runs over the inputs in index order; inputs that are zero (rectified units, mostly) are left out.
+Vectors run across units, so no sum changes its order (`policies.vectors`). Several vehicles go through a block of
+weights one after the other, while it lies in the processor's nearest cache.
 """
 
 import numpy as np
@@ -10,28 +10,78 @@ import numpy as np
 from policies.exactmath import exp
 from policies.jit import kernel
 from policies.layout import HIDDEN_1, HIDDEN_2, LOG_STD_MAX, LOG_STD_MIN, OBSERVATION_SIZE, OUTPUTS
+from policies.vectors import add_rows
 
 ZERO = np.float32(0.0)
 
 
 @kernel
-def _add_products(
-    inputs: np.ndarray, used: np.ndarray, count: int, weights: np.ndarray, sums: np.ndarray
+def _read(observation: np.ndarray, inputs: np.ndarray, used: np.ndarray) -> int:
+    """Fill `inputs` (51,) float32 and `used` with the indices of those that are not zero; how many there are."""
+    count = 0
+    for i in range(OBSERVATION_SIZE):
+        inputs[i] = observation[i]
+        used[count] = i
+        count += np.intp(inputs[i] != ZERO)  # no branch: which are zero is not to be foreseen
+    return count
+
+
+@kernel
+def _positive(values: np.ndarray, size: int, used: np.ndarray) -> int:
+    """Fill `used` (size + 1,) with the indices of positive `values` (size,); how many there are."""
+    count = 0
+    for j in range(size):
+        used[count] = j
+        count += np.intp(values[j] > ZERO)
+    return count
+
+
+@kernel
+def forward_all(
+    observations: np.ndarray,
+    rows: np.ndarray,
+    n: int,
+    w1: np.ndarray,
+    b1: np.ndarray,
+    w2: np.ndarray,
+    b2: np.ndarray,
+    head: np.ndarray,
+    outputs: np.ndarray,
 ) -> None:
-    """Add inputs[i] * weights[i] to `sums` (units,) for i in used[:count], in that order."""
-    units = sums.shape[0]
-    whole = count - count % 4
-    for k in range(0, whole, 4):
-        i, i1, i2, i3 = used[k], used[k + 1], used[k + 2], used[k + 3]
-        v, v1, v2, v3 = inputs[i], inputs[i1], inputs[i2], inputs[i3]
-        w, w1, w2, w3 = weights[i], weights[i1], weights[i2], weights[i3]
-        for j in range(units):
-            sums[j] = (((sums[j] + v * w[j]) + v1 * w1[j]) + v2 * w2[j]) + v3 * w3[j]
-    for k in range(whole, count):
-        v = inputs[used[k]]
-        w = weights[used[k]]
-        for j in range(units):
-            sums[j] += v * w[j]
+    """Fill rows[:n] of `outputs` (vehicles, 4) float32 from those of `observations` (vehicles, 51) float64.
+
+    w1: (51, 200), b1: (200,), w2: (200, 100), b2: (100,), head: (404,), all float32
+
+    The head holds its weights (100, 4) row by row, then its bias (4,).
+    """
+    inputs = np.empty((n, OBSERVATION_SIZE), np.float32)
+    hidden_1 = np.empty((n, HIDDEN_1), np.float32)
+    hidden_2 = np.empty((n, HIDDEN_2), np.float32)
+    used = np.empty((n, HIDDEN_1 + 1), np.int32)
+    counts = np.empty(n, np.intp)
+    for v in range(n):
+        counts[v] = _read(observations[rows[v]], inputs[v], used[v])
+        for j in range(HIDDEN_1):
+            hidden_1[v, j] = b1[j]
+        for j in range(HIDDEN_2):
+            hidden_2[v, j] = b2[j]
+    for v in range(n):
+        add_rows(inputs[v], used[v], counts[v], w1, 200, 0, 64, hidden_1[v])
+    for v in range(n):
+        add_rows(inputs[v], used[v], counts[v], w1, 200, 64, 64, hidden_1[v])
+    for v in range(n):
+        add_rows(inputs[v], used[v], counts[v], w1, 200, 128, 72, hidden_1[v])
+    for v in range(n):
+        counts[v] = _positive(hidden_1[v], HIDDEN_1, used[v])
+    for v in range(n):
+        add_rows(hidden_1[v], used[v], counts[v], w2, 100, 0, 64, hidden_2[v])
+    for v in range(n):
+        add_rows(hidden_1[v], used[v], counts[v], w2, 100, 64, 36, hidden_2[v])
+    for v in range(n):
+        count = _positive(hidden_2[v], HIDDEN_2, used[v])
+        for o in range(OUTPUTS):
+            outputs[rows[v], o] = head[HIDDEN_2 * OUTPUTS + o]
+        add_rows(hidden_2[v], used[v], count, head, OUTPUTS, 0, 4, outputs[rows[v]])
 
 
 @kernel
@@ -44,39 +94,11 @@ def forward(
     head: np.ndarray,
     outputs: np.ndarray,
 ) -> None:
-    """Fill `outputs` (4,) float32 from `observation` (51,) float64.
-
-    w1: (51, 200), b1: (200,), w2: (200, 100), b2: (100,), head: (404,), all float32
-
-    The head holds its weights (100, 4) row by row, then its bias (4,).
-    """
-    inputs = np.empty(OBSERVATION_SIZE, np.float32)
-    used = np.empty(HIDDEN_1, np.intp)
-    count = 0
-    for i in range(OBSERVATION_SIZE):
-        inputs[i] = observation[i]
-        if inputs[i] != ZERO:
-            used[count] = i
-            count += 1
-    hidden_1 = np.empty(HIDDEN_1, np.float32)
-    for j in range(HIDDEN_1):
-        hidden_1[j] = b1[j]
-    _add_products(inputs, used, count, w1, hidden_1)
-    count = 0
-    for j in range(HIDDEN_1):
-        if hidden_1[j] > ZERO:
-            used[count] = j
-            count += 1
-    hidden_2 = np.empty(HIDDEN_2, np.float32)
-    for j in range(HIDDEN_2):
-        hidden_2[j] = b2[j]
-    _add_products(hidden_1, used, count, w2, hidden_2)
-    for o in range(OUTPUTS):
-        outputs[o] = head[HIDDEN_2 * OUTPUTS + o]
-    for i in range(HIDDEN_2):
-        if hidden_2[i] > ZERO:
-            for o in range(OUTPUTS):
-                outputs[o] += hidden_2[i] * head[i * OUTPUTS + o]
+    """Fill `outputs` (4,) float32 from `observation` (51,) float64: `forward_all` for one vehicle."""
+    rows = np.zeros(1, np.intp)
+    forward_all(
+        observation.reshape(1, OBSERVATION_SIZE), rows, 1, w1, b1, w2, b2, head, outputs.reshape(1, OUTPUTS)
+    )
 
 
 @kernel

@@ -40,10 +40,10 @@ WITHIN_LANE_M = 0.9  # from the lane's middle, as far as it moves over
 STEERING_SPEED_FLOOR_MPS = 4.0
 HOLD_S = 0.1  # an action is held so long: braking ends at a standstill
 
-# sines and cosines of the beams on the left; those on the right mirror them
-_SINES, _COSINES = (
-    np.array(column) for column in zip(*[sincos(2.0 * math.pi * i / layout.BEAMS) for i in range(10)], strict=True)
-)  # fmt: skip
+# Sines and cosines of the beams on the left; those on the right mirror them. Not compiled: the bits are the same, and a
+# process that drives nobody need not load compiled code.
+_LEFT = [sincos.py_func(2.0 * math.pi * i / layout.BEAMS) for i in range(10)]
+_SINES, _COSINES = (np.array(column) for column in zip(*_LEFT, strict=True))
 
 
 @kernel

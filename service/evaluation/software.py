@@ -4,15 +4,21 @@ Not the version of tailroad: one that leaves this code as it is goes on with wha
 """
 
 import hashlib
+import os
+import re
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import msgspec
 
+from policies.cache import cache_folder
+from service.evaluation import sources
 from service.evaluation.sources import code_alone
 
 SOURCES = Path(__file__).resolve().parents[2]
+MAKERS = (Path(__file__).resolve(), Path(sources.__file__).resolve())  # of digests
 LIBRARIES = ("numpy", "numba", "scipy", "onnxruntime", "libsumo")
 # The sources by part, as globs below SOURCES; a test looks that no compiled code is left out.
 PARTS = {
@@ -48,6 +54,7 @@ BESIDE = {
     "service/world/egos/sdk.py",
 }
 UNKNOWN = "none"
+_DIGEST = re.compile(r"[0-9a-f]{16}")
 
 
 class Software(msgspec.Struct, frozen=True):
@@ -81,8 +88,8 @@ class Software(msgspec.Struct, frozen=True):
 
 @cache
 def software() -> Software:
-    """Of this installation; it reads some two hundred sources, a third of a second."""
-    return Software({part: _digest(part) for part in PARTS}, {name: _version(name) for name in LIBRARIES})
+    """Of this installation; where its sources were seen before, their digests are on record."""
+    return Software({part: _known(part) for part in PARTS}, {name: _version(name) for name in LIBRARIES})
 
 
 def sources_of(part: str) -> list[Path]:
@@ -91,11 +98,39 @@ def sources_of(part: str) -> list[Path]:
     return sorted(path for path in found if path.relative_to(SOURCES).as_posix() not in BESIDE)
 
 
-def _digest(part: str) -> str:
+def _known(part: str) -> str:
+    """The part's digest: from the record of contents that were read before, else made and put on record.
+
+    To read sources as syntax trees takes a second, to hash their bytes a fiftieth of it. A record is named by the bytes
+    of every source of the part, of their paths, and of the code that makes digests: it is a function of nothing else.
+    """
+    contents = [(path.relative_to(SOURCES).as_posix(), path.read_bytes()) for path in sources_of(part)]
+    named = hashlib.sha256()
+    for name, content in [("", path.read_bytes()) for path in MAKERS] + contents:
+        named.update(f"{name} {len(content)} ".encode() + content)
+    folder = cache_folder("software")
+    if not folder:
+        return _digest(contents)
+    record = Path(folder) / named.hexdigest()
+    with suppress(
+        OSError, UnicodeDecodeError
+    ):  # there is none yet, or none that can be read: it is made again
+        if _DIGEST.fullmatch(found := record.read_text(encoding="ascii")):
+            return found
+    digest = _digest(contents)
+    with suppress(OSError):  # a full disk, say: it is made again next time
+        whole = record.with_name(f"{record.name}.{os.getpid()}")
+        whole.write_text(digest, encoding="ascii")
+        whole.replace(record)
+    return digest
+
+
+def _digest(contents: list[tuple[str, bytes]]) -> str:
+    """Of sources by their paths: what they do, without what changes nothing."""
     digest = hashlib.sha256()
-    for path in sources_of(part):
-        code = code_alone(path.read_text(encoding="utf-8")).encode()
-        digest.update(f"{path.relative_to(SOURCES).as_posix()} {len(code)} ".encode())
+    for name, content in contents:
+        code = code_alone(content.decode()).encode()
+        digest.update(f"{name} {len(code)} ".encode())
         digest.update(code)
     return digest.hexdigest()[:16]
 

@@ -1,13 +1,16 @@
 """How fast the world is, measured beside the least that SUMO takes for the same vehicles and steps.
 
-The floor is the bare libsumo loop: the same moveToXY and simulationStep calls with the same arguments, replayed from
-recorded rollouts in the same process, in turns with them, so that a busy machine slows both.
+Rollouts are measured in SUMO, and where scenario and ego allow it as an estimate runs them: as one compiled call, a
+share repeated in SUMO (`service.world.sim.audited`). The floor is the bare libsumo loop: the same moveToXY and
+simulationStep calls with the same arguments, replayed from recorded rollouts in the same process, in turns with them,
+so that a busy machine slows both.
 """
 
 import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +19,13 @@ from policies import layout
 from policies.egos import Observation, load_ego
 from policies.network import forward
 from service.evaluation.job import Job, Problem, make_job
-from service.evaluation.pool import LocalPool, Work
+from service.evaluation.pool import LocalPool, RolloutWorld, Work, run_chunk
 from service.world.safety.ttc import ego_time_to_collision
 from service.world.scenario.schema import Scenario
 from service.world.sensors.lidar import beam_directions
+from service.world.sim.audited import Audited
 from service.world.sim.step import advance_all, observe
+from service.world.sim.without_sumo import WithoutSumo, can_leave_out_sumo
 from service.world.sim.world import World, action_noise
 
 REPEATS = 2000  # of a kernel when it is timed alone
@@ -43,10 +48,11 @@ def _draws(problem: Problem, rollouts: int) -> tuple[np.ndarray, np.ndarray]:
     return ce.draw(problem.base, problem.job.seed, "estimate", 0, 0, rollouts)
 
 
-def speed(scenario: Scenario, ego: str, rollouts: int, rounds: int = 5) -> dict[str, float]:
+def speed(scenario: Scenario, ego: str, rollouts: int, rounds: int = 5) -> dict[str, Any]:
     """One ego on one core: rollouts/s, x real time, and the ratio to the bare SUMO loop; medians over `rounds`.
 
-    `x_realtime_of_processor` counts the time that this process was given: what a core to itself would do.
+    `x_realtime_of_processor` counts the time that this process was given: what a core to itself would do. These are of
+    rollouts in SUMO; `ways` has those of each way there is, "sumo" and "compiled", with the share that SUMO drove.
     """
     problem = Problem(make_job(scenario, ego, 0.0, "naive", 1, {}))
     x, noise_seeds = _draws(problem, rollouts)
@@ -56,14 +62,21 @@ def speed(scenario: Scenario, ego: str, rollouts: int, rounds: int = 5) -> dict[
             poses = _Poses()
             simulator.run(row, int(seed), poses)
             recordings.append(poses.steps)
-        full, bare, busy = [], [], []
+        ways: dict[str, RolloutWorld] = {"sumo": simulator}
+        if can_leave_out_sumo(scenario, ego):
+            alone = WithoutSumo(scenario, problem.corridor, problem.drivers, ego)
+            ways["compiled"] = Audited(alone, lambda: simulator, problem.job.gamma)
+            run_chunk(ways["compiled"], Work(0, x[:5], noise_seeds[:5]))  # which compiles it
+        walls: dict[str, list[float]] = {way: [] for way in ways}
+        processor: dict[str, list[float]] = {way: [] for way in ways}
+        bare, in_sumo = [], dict.fromkeys(ways, 0)
         steps = sum(len(r) - 1 for r in recordings)
         for _ in range(rounds):
-            began, worked = time.perf_counter(), time.process_time()
-            for row, seed in zip(x, noise_seeds, strict=True):
-                simulator.run(row, int(seed))
-            full.append(time.perf_counter() - began)
-            busy.append(time.process_time() - worked)
+            for way, world in ways.items():
+                began, worked = time.perf_counter(), time.process_time()
+                in_sumo[way] += run_chunk(world, Work(0, x, noise_seeds)).in_sumo or 0
+                walls[way].append(time.perf_counter() - began)
+                processor[way].append(time.process_time() - worked)
             sumo = simulator._sumo
             began = time.perf_counter()
             for recording in recordings:
@@ -71,6 +84,7 @@ def speed(scenario: Scenario, ego: str, rollouts: int, rounds: int = 5) -> dict[
                 for placed in recording[1:]:
                     sumo.step(placed)
             bare.append(time.perf_counter() - began)
+    full, busy = walls["sumo"], processor["sumo"]
     sim_s = steps * scenario.time.step_s
     ratio = float(np.median(np.array(full) / np.array(bare)))
     return {
@@ -82,10 +96,19 @@ def speed(scenario: Scenario, ego: str, rollouts: int, rounds: int = 5) -> dict[
         "bare_us_per_step": float(np.median(bare)) / steps * 1e6,
         "bare_x_realtime": sim_s / float(np.median(bare)),
         "ratio_to_bare": ratio,
+        "ways": {
+            way: {
+                "wall_us_per_step": float(np.median(walls[way])) / steps * 1e6,
+                "processor_us_per_step": float(np.median(processor[way])) / steps * 1e6,
+                "processor_ms_per_rollout": float(np.median(processor[way])) / rollouts * 1e3,
+                "share_in_sumo": in_sumo[way] / (rollouts * rounds),
+            }
+            for way in ways
+        },
     }
 
 
-def parts(scenario: Scenario, ego: str, measured: dict[str, float]) -> dict[str, float]:
+def parts(scenario: Scenario, ego: str, measured: dict[str, Any]) -> dict[str, float]:
     """Time of a step by part in us: SUMO from the bare loop, the kernels timed alone, and the rest."""
     problem = Problem(make_job(scenario, ego, 0.0, "naive", 1, {}))
     x, noise_seeds = _draws(problem, 1)

@@ -169,6 +169,9 @@ def test_bench_measures_the_world_beside_the_bare_sumo_loop(tmp_path: Path) -> N
     assert set(measured["parts_us_per_step"]) == {
         "sumo", "observation", "camera", "policies", "dynamics", "safety", "noise", "rest"
     }  # fmt: skip
+    assert measured["ways"]["sumo"]["share_in_sumo"] == 1.0
+    assert measured["ways"]["compiled"]["share_in_sumo"] < 0.5
+    assert all(way["processor_us_per_step"] > 0.0 for way in measured["ways"].values())
     assert measured["parts_us_per_step"]["camera"] == 0.0  # it does not look
     assert measured["x_realtime_of_processor"] > 0
     assert result["memory"]["after_all_mb"] > 0

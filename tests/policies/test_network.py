@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from policies import layout
-from policies.network import forward, sample_action
+from policies.network import forward, forward_all, sample_action
+from policies.vectors import pieces
 
 SHAPES = {
     "w1": (layout.OBSERVATION_SIZE, layout.HIDDEN_1),
@@ -68,6 +69,22 @@ def test_sums_run_in_the_order_of_the_inputs_to_the_bit(seed):
         total = total + value * row
     assert total.dtype == np.float32
     assert np.array_equal(compiled(observation, net), total)
+
+
+def test_several_vehicles_at_once_have_the_bits_of_each_alone_and_the_others_are_left():
+    net = random_network(7)
+    observations = np.stack([random_observation(seed) for seed in range(8, 14)])
+    outputs = np.full((6, layout.OUTPUTS), -1.0, np.float32)
+    forward_all(observations, np.array([5, 1, 2]), 3, *(net[key] for key in SHAPES), outputs)
+    for vehicle in (1, 2, 5):
+        assert np.array_equal(outputs[vehicle], compiled(observations[vehicle], net))
+    assert np.all(outputs[[0, 3, 4]] == -1.0)
+
+
+def test_a_block_of_units_is_covered_by_vectors_or_refused():
+    assert pieces(72) == [(0, 16), (16, 16), (32, 16), (48, 16), (64, 8)]
+    with pytest.raises(ValueError, match="multiple of 4"):
+        pieces(50)
 
 
 @pytest.mark.parametrize("output", range(4))

@@ -74,6 +74,19 @@ def _print(result: dict) -> None:
             f"{m['ratio_to_bare']:.2f}",
         )
     console.print(speeds)
+    ways = Table("ego", "rollouts", "processor, us a step", "wall, us a step", "processor, ms a rollout",
+                 "driven by SUMO", title="each way of running them")  # fmt: skip
+    for ego, m in result["egos"].items():
+        for way, of in m["ways"].items():
+            ways.add_row(
+                ego,
+                "in SUMO" if way == "sumo" else "as one compiled call",
+                f"{of['processor_us_per_step']:.1f}",
+                f"{of['wall_us_per_step']:.1f}",
+                f"{of['processor_ms_per_rollout']:.2f}",
+                f"{of['share_in_sumo']:.1%}",
+            )
+    console.print(ways)
     parts = Table("us a step", *result["egos"])
     for part in next(iter(result["egos"].values()))["parts_us_per_step"]:
         parts.add_row(part, *[f"{m['parts_us_per_step'][part]:.1f}" for m in result["egos"].values()])

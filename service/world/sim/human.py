@@ -8,7 +8,7 @@ from policies.exactmath import exp, sincos
 from policies.idm import idm_action
 from policies.jit import kernel
 from policies.layout import LOG_STD_MAX, LOG_STD_MIN
-from policies.network import forward, sample_action
+from policies.network import forward_all, sample_action
 from service.world import agents as A
 from service.world.scenario.schema import Scenario
 from service.world.sim import avoidance as C
@@ -16,7 +16,7 @@ from service.world.sim import latent as L
 from service.world.sim import minds as M
 from service.world.sim.dynamics import advance
 from service.world.sim.projection import locate
-from service.world.sim.step import TAKEOVER_SPEED_MPS, advance_all, write_poses
+from service.world.sim.step import TAKEOVER_SPEED_MPS, advance_all, network_driven, write_poses
 
 BUSY_MPS = 0.35  # lateral speed above which nobody begins to look away: a lane change is under way
 
@@ -75,7 +75,13 @@ def advance_human(
     minds: (controlled, M.COLUMNS), updated
     traits: see `traits_of`; the rest as `service.world.sim.step.advance_all` has it
     """
-    outputs = np.empty(layout.OUTPUTS, np.float32)
+    outputs = np.empty((controlled, layout.OUTPUTS), np.float32)
+    rows = np.empty(controlled + 1, np.intp)
+    looking, driven = 0, network_driven(agents, controlled, ego, rows)
+    for k in range(driven):  # who looks away already does so in this step, and needs no network
+        rows[looking] = rows[k]
+        looking += 1 if minds[rows[k], M.AWAY_S] <= 0.0 else 0
+    forward_all(observations, rows, looking, w1, b1, w2, b2, head, outputs)
     seen = np.zeros((count, C.SEEN))
     _look(agents, controlled, count, reference, lanes, spacing_m, seen)
     for i in range(controlled):
@@ -114,16 +120,15 @@ def advance_human(
             mind[M.SIDE_S] = 0.0
             mind[M.BRAKE_MPS2] = 0.0
         else:
-            forward(observations[i], w1, b1, w2, b2, head, outputs)
-            acceleration, turn_rate = sample_action(outputs, action_scale, noise_a, noise_w)
+            acceleration, turn_rate = sample_action(outputs[i], action_scale, noise_a, noise_w)
             mind[M.SPREAD_RADPS] = action_scale[1] * exp(
-                min(max(np.float64(outputs[3]), LOG_STD_MIN), LOG_STD_MAX)
+                min(max(np.float64(outputs[i, 3]), LOG_STD_MIN), LOG_STD_MAX)
             )
             found = C.conflicts(agents, count, seen, i, traits)
             acceleration, turn_rate = C.respond(agent, mind, found, traits, dt_s, acceleration, turn_rate)
             mind[M.SINCE_AWAY_S] += dt_s
             # what a driver holds is what it means to do, braking included, without the noise of the moment
-            mind[M.HELD_MPS2] = action_scale[0] * np.float64(outputs[0])
+            mind[M.HELD_MPS2] = action_scale[0] * np.float64(outputs[i, 0])
             if mind[M.EVADED] != 0.0:
                 mind[M.HELD_MPS2] = acceleration
         advance(agent, acceleration, turn_rate, dt_s, False)

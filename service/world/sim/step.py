@@ -8,7 +8,7 @@ from policies import layout
 from policies.exactmath import sincos
 from policies.idm import idm_action
 from policies.jit import kernel
-from policies.network import forward, sample_action
+from policies.network import forward_all, sample_action
 from service.world import agents as A
 from service.world.safety.ttc import ego_time_to_collision
 from service.world.sensors.lidar import scan
@@ -119,6 +119,19 @@ def write_poses(agents: np.ndarray, controlled: int, lanes: int, poses: np.ndarr
 
 
 @kernel
+def network_driven(agents: np.ndarray, controlled: int, ego: int, rows: np.ndarray) -> int:
+    """Fill `rows` (controlled + 1,) with those of the vehicles that the network drives in this step; how many."""
+    count = 0
+    for i in range(controlled):
+        agent = agents[i]
+        rows[count] = i
+        if i != ego and agent[A.ACTIVE] != 0.0:
+            lost = agent[A.COLLISION] != 0.0 or agent[A.OFF_ROAD] != 0.0 or agent[A.TAKEN_OVER] != 0.0
+            count += 0 if lost else 1
+    return count
+
+
+@kernel
 def advance_all(
     agents: np.ndarray,
     controlled: int,
@@ -143,7 +156,10 @@ def advance_all(
     `action_noise` (controlled, 2); one that has left the road or hit another is driven by the lane-keeping intelligent
     driver from then on. The ego does what its policy said and is never taken over. `poses`: see `write_poses`.
     """
-    outputs = np.empty(layout.OUTPUTS, np.float32)
+    outputs = np.empty((controlled, layout.OUTPUTS), np.float32)
+    rows = np.empty(controlled + 1, np.intp)
+    driven = network_driven(agents, controlled, ego, rows)
+    forward_all(observations, rows, driven, w1, b1, w2, b2, head, outputs)
     for i in range(controlled):
         agent = agents[i]
         if agent[A.ACTIVE] == 0.0:
@@ -156,9 +172,8 @@ def advance_all(
             if agent[A.TAKEN_OVER] != 0.0:
                 acceleration, turn_rate = idm_action(observations[i], TAKEOVER_SPEED_MPS)
             else:
-                forward(observations[i], w1, b1, w2, b2, head, outputs)
                 acceleration, turn_rate = sample_action(
-                    outputs, action_scale, action_noise[i, 0], action_noise[i, 1]
+                    outputs[i], action_scale, action_noise[i, 0], action_noise[i, 1]
                 )
             advance(agent, acceleration, turn_rate, dt_s, False)
     write_poses(agents, controlled, lanes, poses)

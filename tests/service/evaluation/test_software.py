@@ -59,13 +59,24 @@ def copy(tmp_path, monkeypatch):
 
 
 def test_a_comment_leaves_the_digest_and_a_number_changes_it(copy):
-    before = module._digest("measures")
+    before = module._known("measures")
     assert before == software().code["measures"]
     source = copy.read_text()
     copy.write_text("# said otherwise\n" + source.replace('"""', '"""Otherwise. ', 1))
-    assert module._digest("measures") == before
+    assert module._known("measures") == before
     copy.write_text(source + "\nMORE = 1\n")
-    assert module._digest("measures") != before
+    assert module._known("measures") != before
+
+
+def test_a_digest_is_taken_from_its_record_unless_that_is_damaged(copy, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    digest = module._known("measures")
+    (record,) = (tmp_path / "cache/tailroad/software").iterdir()
+    assert record.read_text() == digest
+    record.write_text("0123456789abcdef")
+    assert module._known("measures") == "0123456789abcdef"
+    record.write_bytes(b"\xff cut o")
+    assert module._known("measures") == digest == record.read_text()
 
 
 def test_what_differs_is_named():
