@@ -22,7 +22,7 @@ def _read(observation: np.ndarray, inputs: np.ndarray, used: np.ndarray) -> int:
     for i in range(OBSERVATION_SIZE):
         inputs[i] = observation[i]
         used[count] = i
-        count += np.intp(inputs[i] != ZERO)  # no branch: which are zero is not to be foreseen
+        count += int(inputs[i] != ZERO)  # no branch: which are zero is not to be foreseen
     return count
 
 
@@ -32,7 +32,7 @@ def _positive(values: np.ndarray, size: int, used: np.ndarray) -> int:
     count = 0
     for j in range(size):
         used[count] = j
-        count += np.intp(values[j] > ZERO)
+        count += int(values[j] > ZERO)
     return count
 
 
