@@ -33,11 +33,9 @@ help:
 	@echo "make pins       hashes of what the image installs, its bill of materials and the licences, made anew"
 	@echo "make format     put the sources into their form"
 
-# The search is kept near the base (--max-kl) and to the starts (--mean-box): with 20,000 rollouts the paper's own settings
-# follow noise in the 404 driver weights and lose most of the event (README, "Measured").
+# Near-collisions by counting and by `auto`, which drives paths from the committor that comes with tailroad.
 estimate: $(VENV)/.installed
-	$(BIN)/tailroad estimate i80-paper-10s --ego lidar-paper --gamma 0.5 --method naive --method ce --budget 20000 --seed 1 \
-	  --iterations 4 --samples-per-iteration 1500 --rho 0.1 --mean-box 0.0001 --max-kl 2.5
+	$(BIN)/tailroad estimate i80-paper-10s --ego lidar-paper --gamma 0.5 --method naive --method auto --budget 20000 --seed 1
 
 # The committors that `paths` and `auto` start from, with their cards: the same bits on any processor.
 committors: $(VENV)/.installed

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 # Hits of a pilot's round from which its own estimate is compared with the final one.
 COMPARABLE_HITS = 10
+# Roots of the estimate with an event from which it does not matter where the pilot has come to.
+KNOWN_ROOTS = 15
 # Rounds of the pilot whose paths together tell how far it has come.
 POOLED = 3
 
@@ -269,11 +271,15 @@ class PathState(msgspec.Struct, frozen=True, eq=False):
             math.sqrt(sum(t.std_error**2 for t in told)) / len(told),
         )
 
+    def _roots_at(self, gamma: float) -> int:
+        """Roots of the estimate whose paths came to gamma."""
+        return 0 if self.sample is None else np.unique(self.sample.root[self.sample.f <= gamma]).size
+
     def _warnings(self, gamma: float) -> list[EstimateWarning]:
         if self.phase == "pilot":
             return []
         found = []
-        if self.aim > gamma and self.naive_f.size:
+        if self.aim > gamma and self.naive_f.size and self._roots_at(gamma) < KNOWN_ROOTS:
             found.append(
                 EstimateWarning(
                     "threshold-not-reached",

@@ -59,6 +59,8 @@ POPULATION = 400.0
 PLANNED = 0.92
 # Naive paths are fewer by this where a committor is given and not trained on.
 SHARE_OF_NAIVE = 4
+# Aimed rounds with a committor that was given: the first tells how many paths to plan for, the second what they cost.
+GIVEN_ROUNDS = 2
 # Share of events among the naive paths from which nothing else is driven.
 COMMON = 0.2
 # Enough hits, this many times, end the pilot.
@@ -220,7 +222,7 @@ class PathSampling:
         """Whether the pilot ends with this round."""
         o, rounds = self.options, state.rounds
         if not self._trains:
-            return len(rounds) > 1
+            return len(rounds) > min(GIVEN_ROUNDS, max(o.rounds, 1))
         there = rounds[-1].reached <= self.gamma
         hits = sum(r.totals.hits for r in rounds)
         stuck = len(rounds) > 5 and rounds[-1].reached >= rounds[-5].reached > self.gamma
@@ -302,7 +304,7 @@ class PathSampling:
         """Paths of a batch of the estimate, and batches, that what is left of the budget pays for."""
         whole = self._path_steps(state)
         left = PLANNED * (self.options.budget * whole - state.steps)
-        sized = [r for r in state.rounds if r.population > 0.0][-2:]
+        sized = [r for r in state.rounds if r.population > 0.0][-2 if self._trains else -1 :]
         steps = sum(r.totals.steps for r in sized) / sum(r.population for r in sized) if sized else whole
         affordable = left / max(steps, 1.0)
         least = self.options.batches

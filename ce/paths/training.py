@@ -29,6 +29,8 @@ HIDDEN, NETS = 24, 2
 LARGEST_LABEL, LARGEST_GRADIENT = 2.0, 0.2
 LARGEST_FEATURE_BITS = int(np.log2(LARGEST_FEATURE))
 BATCH = 256
+# Passes through all lessons in one training, at most: more of them learn the noise of few.
+PASSES = 20
 DECAY = 0.03
 # Rows without a hit that a round leaves to learn from, and levels that each row is labelled at.
 MOST_ROWS, LEVELS_A_ROW = 6000, 3
@@ -123,7 +125,7 @@ def trained(
 ) -> NetworkCommittor:
     """The committor after some steps of Adam, its rate falling to nothing as a cosine, on all lessons so far.
 
-    steps: of BATCH rows each, in passes through all lessons
+    steps: of BATCH rows each, in passes through all lessons; fewer where that were more than PASSES
     rate: of the first step
     seed: of the order of the rows
     """
@@ -135,6 +137,7 @@ def trained(
     used = np.flatnonzero(weights > 0.0)
     row, levels, labels, weights = row[used], committor.encoded(levels[used]), labels[used], weights[used]
     weights = weights * (weights.size / float(np.add.reduce(weights)))
+    steps = min(steps, PASSES * max(row.size // BATCH, 1))
     x = committor.standardised(features)
     nets = []
     for k, net in enumerate(committor.nets):

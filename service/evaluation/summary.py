@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 import ce
+from ce.paths import PathEstimate
 from service.evaluation.job import Job
 from service.world.scenario.measures import IMPACT, measure_kind
 
@@ -175,13 +176,23 @@ class Cost:
         }
 
 
+def simulated(estimate: ce.Estimate) -> tuple[float, float]:
+    """What an estimate has cost in rollouts, and its part without the search; of paths, which share what they have in
+    common, simulated steps over those of a whole rollout."""
+    if not isinstance(estimate, PathEstimate) or not estimate.cost.path_steps > 0.0:
+        return float(estimate.rollouts), float(estimate.estimation_rollouts)
+    cost = estimate.cost
+    return cost.steps / cost.path_steps, (cost.steps - cost.training_steps) / cost.path_steps
+
+
 def comparison_of(naive: ce.Estimate, other: ce.Estimate) -> dict[str, Any]:
     """How `other` compares with naive Monte Carlo on the same question.
 
     ratio_of_rare_events: events a rollout under the proposal over events a rollout under P0. ratio_of_variances: of
     naive Monte Carlo with as many estimation rollouts over that of `other` (training left out, as the paper's Figure
-    2 does). efficiency: the same with training counted. Both variances of naive Monte Carlo are p (1 - p) / n with p
-    from the estimate that knows it better. difference_z: the two estimates' difference in standard errors.
+    2 does). efficiency: the same with training counted. Of paths, rollouts are simulated steps in whole rollouts. Both
+    variances of naive Monte Carlo are p (1 - p) / n with p from the estimate that knows it better. difference_z: the
+    two estimates' difference in standard errors.
     """
     rate = naive.events / naive.estimation_rollouts if naive.estimation_rollouts else math.nan
     other_rate = other.events / other.estimation_rollouts if other.estimation_rollouts else math.nan
@@ -189,10 +200,11 @@ def comparison_of(naive: ce.Estimate, other: ce.Estimate) -> dict[str, Any]:
     spread = math.hypot(naive.std_error, other.std_error)
     variance = other.std_error**2 if other.std_error > 0.0 else math.nan
     bernoulli = better.p * (1.0 - better.p)
+    spent, estimation = simulated(other)
     return {
         "ratio_of_rare_events": _number(other_rate / rate if rate else math.nan),
-        "ratio_of_variances": _number(bernoulli / max(other.estimation_rollouts, 1) / variance),
-        "efficiency": _number(bernoulli / max(other.rollouts, 1) / variance),
+        "ratio_of_variances": _number(bernoulli / max(estimation, 1.0) / variance),
+        "efficiency": _number(bernoulli / max(spent, 1.0) / variance),
         "variance_reliable": variance_reliable(other),
         "difference_z": _number((other.p - naive.p) / spread if spread else math.nan),
     }
