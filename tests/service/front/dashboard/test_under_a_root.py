@@ -38,7 +38,8 @@ async def get(app: ASGIApp, path: str) -> tuple[int, str]:
         sent.append(message)
 
     async def receive() -> dict:
-        return {"type": "http.request", "body": b"", "more_body": False}
+        await asyncio.Event().wait()  # the browser stays
+        return {"type": "http.disconnect"}
 
     path, _, query = path.partition("?")
     scope = {
