@@ -1,4 +1,4 @@
-"""`tailroad nets check|plot|build`"""
+"""`tailroad nets check|plot|build|import`"""
 
 import json
 import sys
@@ -6,10 +6,12 @@ from pathlib import Path
 
 import click
 
+from service.errors import InputError
 from service.world.sim.sumo_check import check_in_sumo
 from sumo_nets.build import build_net, write_sources
 from sumo_nets.check import check as check_net
 from sumo_nets.corridor import load_corridor
+from sumo_nets.opendrive import import_opendrive
 from sumo_nets.plot import plot as plot_net
 
 EDGES = click.option(
@@ -62,3 +64,23 @@ def build(network: str, geometry: Path | None, netconvert: str | None, out: Path
         for path in write_sources(network, geometry):
             click.echo(path)
     click.echo(build_net(network, netconvert, out))
+
+
+@command.command("import")
+@click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
+@click.option("--out", required=True, type=click.Path(dir_okay=False, path_type=Path), help="The .net.xml.")
+@click.option("--netconvert", help="SUMO's netconvert.  [default: $NETCONVERT, or on the PATH]")
+def import_(file: Path, out: Path, netconvert: str | None) -> None:
+    """Make a SUMO network of an ASAM OpenDRIVE file with SUMO's netconvert, and say what is lost.
+
+    Then name its edges in a scenario, and check them: `tailroad nets check OUT --edge A --edge B`.
+    """
+    try:
+        made = import_opendrive(file, out, netconvert)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error})") from error
+    for name, lanes, length in made.edges:
+        click.echo(f"edge {name}: {lanes} lanes, {length:.1f} m")
+    for line in made.lost:
+        click.echo(f"lost: {line}")
+    click.echo(out)
