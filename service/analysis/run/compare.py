@@ -59,9 +59,9 @@ def compare(
     *,
     gamma: float | None = None,
     method: str | None = None,
-    budget: int = BUDGET,
-    confidence: float = CONFIDENCE,
-    seed: int = SEED,
+    budget: int | None = None,
+    confidence: float | None = None,
+    seed: int | None = None,
     measure: str | None = None,
     noise_mode: NoiseMode | None = None,
     examine: int = EXAMINED,
@@ -80,6 +80,7 @@ def compare(
     method: of a scenario: default naive, whose rollouts alone are the same draws for every ego; of
         runs: which of their jobs, default one that all have.
     gamma: needed for a scenario; of runs default their own.
+    budget, confidence, seed, measure, noise_mode: of a scenario, as of `estimate`; runs have their own.
     examine: dangerous rollouts of each at most that are run again and grouped into failure modes.
     out: folder of the run directories; what it holds already is gone on with.
     watch: told of (done, total) while dangerous rollouts are run again; the rest as of `estimate`.
@@ -102,7 +103,8 @@ def compare(
                 f"--ego: give two or more different egos, as in --ego idm --ego lidar, not {given}"
             )
         jobs = [
-            jobs_of(what, name, gamma, method or SAME_DRAWS, budget=budget, confidence=confidence, seed=seed,
+            jobs_of(what, name, gamma, method or SAME_DRAWS, budget=BUDGET if budget is None else budget,
+                    confidence=CONFIDENCE if confidence is None else confidence, seed=SEED if seed is None else seed,
                     measure=measure, noise_mode=noise_mode)
             for name in names
         ]  # fmt: skip
@@ -118,8 +120,15 @@ def compare(
             raise Interrupted(folder) from None
         records = [record_of(path)[0] for path in paths]
     else:
-        if len(egos) or out is not None:
-            raise InputError("runs have their own egos: leave out --ego and --out")
+        of_scenarios = {
+            "ego": tuple(egos) or None, "out": out, "budget": budget, "confidence": confidence, "seed": seed,
+            "measure": measure, "noise_mode": noise_mode,
+        }  # fmt: skip
+        if given := [name for name, value in of_scenarios.items() if value is not None]:
+            options = ", ".join(f"--{name}" for name in given)
+            raise InputError(
+                f"runs have their own {', '.join(given)}: leave out {options}, or name a scenario"
+            )
         paths = [one.path if isinstance(one, Run) else Path(one) for one in what]
         records = _records(paths, method, gamma)
     found = comparison_of(records, [str(path) for path in paths], examine, count, paths, watch)

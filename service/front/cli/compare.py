@@ -11,6 +11,7 @@ from service.analysis.comparison.objects import Comparison, ModeChange, Pair
 from service.analysis.failures.examine import EXAMINED
 from service.analysis.run import Interrupted, compare
 from service.analysis.run.bars import Shown, progress_bar, stderr
+from service.analysis.run.question import BUDGET, SEED
 from service.analysis.wording import quantity, significant
 from service.evaluation.cores import core_count
 from service.evaluation.options import METHODS
@@ -27,9 +28,9 @@ from service.front.cli.tables import folded, side_by_side, whole
               "[RUN...: default: their own]")  # fmt: skip
 @click.option("--method", type=click.Choice(METHODS), help="SCENARIO: how p is estimated.  [default: naive]  "
               "RUN...: which of their jobs.  [default: one that all have]")  # fmt: skip
-@click.option("--budget", type=click.IntRange(1), default=20_000, show_default=True,
-              help="SCENARIO: rollouts of each ego at most.")  # fmt: skip
-@seed_option()
+@click.option("--budget", type=click.IntRange(1),
+              help=f"SCENARIO: rollouts of each ego at most.  [default: {BUDGET}]")  # fmt: skip
+@seed_option(None, f"SCENARIO: same seed, same bits.  [default: {SEED}]")
 @click.option("--examine", type=click.IntRange(0), default=EXAMINED, show_default=True,
               help="Dangerous rollouts of each at most to run again and group into failure modes.")  # fmt: skip
 @click.option("--out", type=FOLDER, help="SCENARIO: folder for the run "

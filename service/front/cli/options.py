@@ -22,13 +22,13 @@ def all_of(*options: Callable) -> Callable[[Callable], Callable]:
     return lambda command: functools.reduce(lambda made, option: option(made), reversed(options), command)
 
 
-def seed_option() -> Callable:
+def seed_option(default: int | None = 1, text: str = "Same seed, same bits.") -> Callable:
     return click.option(
         "--seed",
         type=click.IntRange(0, MAX_SEED),
-        default=1,
-        show_default=True,
-        help="Same seed, same bits.",
+        default=default,
+        show_default=default is not None,
+        help=text,
     )
 
 

@@ -56,6 +56,8 @@ def test_compare_reads_two_runs(compared):
     assert wider["sides"][0]["p"] > told["sides"][0]["p"]
     printed = run("compare", *runs, "--workers", "1").output
     assert "are dangerous to both" in printed
+    refused = run("compare", *runs, "--budget", "20000", "--seed", "1", expect=2).output
+    assert "runs have their own budget, seed: leave out --budget, --seed, or name a scenario" in refused
 
 
 def test_failures_lists_what_replay_brings_back(compared, tmp_path):
