@@ -51,9 +51,13 @@ BUDGET ?= 20000
 contacts: $(VENV)/.installed
 	$(BIN)/tailroad estimate i80-10s --ego lidar --gamma 0 --method naive --method $(METHOD) --budget $(BUDGET) --seed 1
 
-# Test files are spread over the cores, four at most: many of them start processes of their own. The slowest are begun first.
+# Test files are spread over the cores, four at most: many of them start processes of their own. The slowest are begun first, and the
+# types are checked beside them, which keeps one core busy.
 # One of them builds the documentation.
-test: lint
+test: $(VENV)/.installed-dev
+	$(MAKE) -j2 lint suite
+
+suite: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 check: lint docs
