@@ -124,10 +124,10 @@ def compare(
             "ego": tuple(egos) or None, "out": out, "budget": budget, "confidence": confidence, "seed": seed,
             "measure": measure, "noise_mode": noise_mode,
         }  # fmt: skip
-        if given := [name for name, value in of_scenarios.items() if value is not None]:
-            options = ", ".join(f"--{name}" for name in given)
+        if refused := [name for name, value in of_scenarios.items() if value is not None]:
+            options = ", ".join(f"--{name}" for name in refused)
             raise InputError(
-                f"runs have their own {', '.join(given)}: leave out {options}, or name a scenario"
+                f"runs have their own {', '.join(refused)}: leave out {options}, or name a scenario"
             )
         paths = [one.path if isinstance(one, Run) else Path(one) for one in what]
         records = _records(paths, method, gamma)
