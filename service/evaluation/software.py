@@ -48,6 +48,7 @@ PARTS = {
 # They make, show or export what there is, and no rollout calls them.
 BESIDE = {
     "sumo_nets/build.py",
+    "sumo_nets/drawn.py",
     "sumo_nets/plot.py",
     "service/world/camera/export.py",
     "service/world/camera/sheet.py",
