@@ -15,7 +15,8 @@ Array = NDArray[np.float64]
 
 # Share of one root in p, and of all roots kept by the floor alone, above which it is said so.
 DOMINANT_ROOT, FLOOR_SHARE = 0.1, 0.1
-# Standard errors between the estimate and the pilot's from which it is said so.
+# Standard errors between the logarithms of the estimate and of the pilot's from which it is said so: few roots tell
+# a standard error that is too small where they have missed what matters.
 DISAGREES = 3.0
 
 
@@ -176,12 +177,13 @@ def _of_paths(est: PathEstimate) -> list[EstimateWarning]:
             )
         )
     p, std_error = est.pilot_p
-    if std_error > 0 and abs(est.p - p) > DISAGREES * math.hypot(std_error, est.std_error):
+    apart = abs(math.log(est.p / p)) if std_error > 0 else 0.0
+    if std_error > 0 and apart > DISAGREES * math.hypot(std_error / p, est.std_error / est.p):
         found.append(
             EstimateWarning(
                 "pilot-disagrees",
                 f"p = {est.p:.3g} +- {est.std_error:.2g}, but the pilot's own paths, unbiased too, gave {p:.3g} +- "
-                f"{std_error:.2g}: more than {DISAGREES:g} standard errors apart",
+                f"{std_error:.2g}: their logarithms are more than {DISAGREES:g} standard errors apart",
                 "a larger budget, and a run with another seed beside this one",
             )
         )
