@@ -49,6 +49,7 @@ PARTS = {
 BESIDE = {
     "sumo_nets/build.py",
     "sumo_nets/drawn.py",
+    "sumo_nets/opendrive.py",
     "sumo_nets/plot.py",
     "service/world/camera/export.py",
     "service/world/camera/sheet.py",

@@ -261,7 +261,7 @@ def test_on_a_phone_nothing_is_wider_than_the_page(page, ended: tuple[str, str])
         assert page.evaluate("document.documentElement.scrollWidth") == 390, path
         unnamed = (
             "() => [...document.querySelectorAll('main button, main a, main input:not([type=hidden]), main select')]"
-            ".filter((e) => !(e.innerText?.trim() || e.labels?.length || e.ariaLabel)).length"
+            ".filter((e) => !(e.textContent?.trim() || e.labels?.length || e.ariaLabel)).length"
         )
         assert page.evaluate(unnamed) == 0, path
 
