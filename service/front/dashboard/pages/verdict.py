@@ -5,6 +5,7 @@ from typing import Any
 from starlette.requests import Request
 
 from service.front.dashboard.link import FOR_GOOD_S
+from service.front.dashboard.pages.failures import ENDS
 from service.front.dashboard.pages.job import HEAD, job_of
 from service.front.dashboard.pages.rollouts import replay_address
 from service.front.dashboard.site import Part, Site
@@ -26,7 +27,7 @@ async def prevention(site: Site, request: Request) -> dict[str, Any]:
     rows = [
         (one, replay_address(job.id, "estimate", one.iteration, one.row)) for one in found.rollouts[:LISTED]
     ]
-    return {"job": job, "found": found, "modes": modes, "rows": rows}
+    return {"job": job, "found": found, "modes": modes, "rows": rows, "ends": ENDS}
 
 
 async def severity(site: Site, request: Request) -> dict[str, Any]:
