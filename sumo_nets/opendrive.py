@@ -1,8 +1,9 @@
 """A road in ASAM OpenDRIVE as a SUMO network, by SUMO's netconvert, and what the network no longer says.
 
-netconvert gives a lane one width over a whole lane section: a lane that opens or tapers comes in over all of it, at its
-mean width. What lanes allow or forbid by `<access>` is lost. Lanes of type stop come in as lanes for cars with its own
-table of types; with TYPES, hard shoulders are closed to motor vehicles, and bus, taxi and HOV lanes are theirs.
+netconvert cuts a lane section where a lane becomes wide enough to drive on, and gives each piece one width: a lane that
+opens or tapers comes in over all of it. An `<access>` whose restriction it does not know, as for HOV, is passed over.
+Lanes of type stop come in as lanes for cars with its own table of types; with TYPES, hard shoulders are closed to motor
+vehicles, and bus, taxi and HOV lanes are theirs.
 """
 
 from __future__ import annotations
@@ -24,6 +25,19 @@ FOR_CARS = ("driving", "entry", "exit", "onRamp", "offRamp", "mwyEntry", "mwyExi
             "bidirectional")  # fmt: skip
 FOR_SOME = {"bus": "bus", "taxi": "taxi", "HOV": "hov"}
 CLOSED = ("stop", "shoulder")
+# restrictions of <access> that netconvert keeps
+KEPT = (
+    "bicycle",
+    "bus",
+    "delivery",
+    "emergency",
+    "motorcycle",
+    "passengerCar",
+    "pedestrian",
+    "taxi",
+    "truck",
+    "trucks",
+)
 UNEVEN_M = 0.3  # a lane whose width varies by more tapers
 LIMIT_S = 300.0
 LARGEST_BYTES = 512 << 20
@@ -92,7 +106,7 @@ def _root(path: Path) -> ET.Element:
 
 
 def _lost(root: ET.Element) -> tuple[str, ...]:
-    found, ruled = [], 0
+    found = []
     for road in root.iter("road"):
         sections = road.findall("lanes/laneSection")
         starts = [_number(section, "s") for section in sections] + [_number(road, "length")]
@@ -100,15 +114,19 @@ def _lost(root: ET.Element) -> tuple[str, ...]:
             for lane in section.iter("lane"):
                 if lane.get("type") not in (*FOR_CARS, *FOR_SOME):
                     continue
-                ruled += lane.find("access") is not None
+                where = f"road {road.get('id')}, lane {lane.get('id')}"
+                unknown = sorted({str(a.get("restriction")) for a in lane.iter("access")} - set(KEPT))
+                if unknown:
+                    found.append(
+                        f"{where}: access for {', '.join(unknown)}, which netconvert does not know: edit allow and "
+                        "disallow in the network"
+                    )
                 widths = _widths(lane, end - start)
                 if widths and max(widths) - min(widths) > UNEVEN_M:
                     found.append(
-                        f"road {road.get('id')}, lane {lane.get('id')}: {widths[0]:.2f} to {widths[-1]:.2f} m wide "
-                        f"from {start:.0f} to {end:.0f} m; it comes in over all of it, at one width"
+                        f"{where}: {widths[0]:.2f} to {widths[-1]:.2f} m wide from {start:.0f} to {end:.0f} m; it "
+                        "comes in over all of it, in pieces of one width each"
                     )
-    if ruled:
-        found.append(f"what {ruled} lanes allow or forbid (access): edit allow and disallow in the network")
     return tuple(found)
 
 

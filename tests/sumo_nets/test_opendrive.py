@@ -1,11 +1,13 @@
 """OpenDRIVE roads as SUMO networks: lanes for cars, hard shoulders closed, what is lost said, what is none refused."""
 
+from xml.etree import ElementTree as ET
+
 import pytest
 
 from sumo_nets.check import check
 from sumo_nets.corridor import load_corridor
 from sumo_nets.errors import NetworkError
-from sumo_nets.opendrive import import_opendrive
+from sumo_nets.opendrive import KEPT, import_opendrive
 
 LANE = '<lane id="-{n}" type="{kind}"><width sOffset="0" a="{a}" b="{b}" c="0" d="0"/>{more}</lane>'
 
@@ -41,11 +43,25 @@ def test_a_road_comes_in_with_its_lanes_and_without_its_hard_shoulder(tmp_path):
     assert check(tmp_path / "road.net.xml", ["-7"]).passed
 
 
-def test_tapering_lanes_and_permissions_are_said_to_be_lost(tmp_path):
-    text = opendrive(taper=0.005, more='<access sOffset="0" rule="deny" restriction="trucks"/>')
+def test_tapering_lanes_and_rules_that_are_not_known_are_said_to_be_lost(tmp_path):
+    text = opendrive(taper=0.005, more='<access sOffset="0" rule="allow" restriction="HOV"/>')
     assert imported(tmp_path, text).lost == (
-        "road 7, lane -2: 1.50 to 3.50 m wide from 0 to 400 m; it comes in over all of it, at one width",
-        "what 1 lanes allow or forbid (access): edit allow and disallow in the network",
+        "road 7, lane -1: access for HOV, which netconvert does not know: edit allow and disallow in the network",
+        "road 7, lane -2: 1.50 to 3.50 m wide from 0 to 400 m; it comes in over all of it, in pieces of one width each",
+    )
+
+
+@pytest.mark.parametrize("who", sorted({*KEPT} - {"pedestrian"}))  # who may use no lane of a motorway anyway
+def test_rules_that_are_known_are_in_the_network(tmp_path, who):
+    made = imported(tmp_path, opendrive(more=f'<access sOffset="0" rule="deny" restriction="{who}"/>'))
+    assert made.lost == ()
+    lanes = [
+        lane for lane in ET.parse(tmp_path / "road.net.xml").iterfind("edge/lane") if lane.get("id")[0] != ":"
+    ]
+    left, right = max(lanes, key=lambda lane: int(lane.get("index"))), lanes[-2]
+    assert (left.get("allow"), left.get("disallow")) != (
+        right.get("allow"),
+        right.get("disallow"),
     )
 
 
