@@ -16,6 +16,7 @@ from xml.etree import ElementTree as ET
 
 import sumolib
 
+from sumo_nets.asam_xml import root_of
 from sumo_nets.build import find_netconvert
 from sumo_nets.errors import NetworkError
 
@@ -86,18 +87,7 @@ def import_opendrive(path: Path, out: Path, netconvert: str | None = None) -> Im
 
 
 def _root(path: Path) -> ET.Element:
-    try:
-        if path.stat().st_size > LARGEST_BYTES:
-            raise NetworkError(f"{path}: more than {LARGEST_BYTES >> 20} MiB")
-        text = path.read_bytes()
-    except OSError as error:
-        raise NetworkError(f"{path}: cannot be read ({error.strerror})") from error
-    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
-        raise NetworkError(f"{path}: declares entities of its own; expected plain OpenDRIVE XML")
-    try:
-        root = ET.fromstring(text)
-    except (ET.ParseError, ValueError, LookupError) as error:
-        raise NetworkError(f"{path}: not XML ({error})") from error
+    root = root_of(path, "OpenDRIVE", LARGEST_BYTES)
     for element in root.iter():  # OpenDRIVE 1.6 and later may name a namespace
         element.tag = element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
     if root.tag != "OpenDRIVE":

@@ -47,6 +47,7 @@ PARTS = {
 }
 # They make, show or export what there is, and no rollout calls them.
 BESIDE = {
+    "sumo_nets/asam_xml.py",
     "sumo_nets/build.py",
     "sumo_nets/drawn.py",
     "sumo_nets/opendrive.py",

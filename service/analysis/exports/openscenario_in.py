@@ -21,6 +21,8 @@ from service.world.safety.ttc import ego_time_to_collision
 from service.world.scenario.load import load_scenario
 from service.world.scenario.schema import Time, Vehicle
 from service.world.sensors.lidar import beam_directions
+from sumo_nets.asam_xml import root_of
+from sumo_nets.errors import NetworkError
 
 STEP_S = 0.1
 LARGEST_BYTES = 256 << 20
@@ -122,17 +124,9 @@ def f_of(drive: Drive, measure: str) -> tuple[float, np.ndarray]:
 
 def _root(path: Path) -> ET.Element:
     try:
-        if path.stat().st_size > LARGEST_BYTES:
-            raise InputError(f"{path}: more than {LARGEST_BYTES >> 20} MiB")
-        text = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
-        raise InputError(f"{path}: declares entities of its own; expected plain OpenSCENARIO XML")
-    try:
-        root = ET.fromstring(text)
-    except (ET.ParseError, ValueError, LookupError) as error:
-        raise InputError(f"{path}: not XML ({error})") from error
+        root = root_of(path, "OpenSCENARIO", LARGEST_BYTES)
+    except NetworkError as error:
+        raise InputError(str(error)) from error
     if root.tag != "OpenSCENARIO":
         raise InputError(f"{path}: <{root.tag[:40]}>; expected an ASAM OpenSCENARIO XML file")
     if root.find("Storyboard") is None:

@@ -28,6 +28,7 @@ from service.evaluation.store.database import (
 )
 from service.evaluation.store.decoding import decoded, status_of
 from service.evaluation.store.log import AuditLog
+from service.evaluation.store.notes import NOTE, Said, said_of
 from service.evaluation.store.records import ChunkRecord
 from service.evaluation.store.states import StateRecord
 from service.evaluation.store.tables import (
@@ -44,7 +45,6 @@ from service.evaluation.store.tables import (
 OPEN = ("running", "paused")  # statuses of jobs that are not over
 STATUSES = (*OPEN, "done", "cancelled", "failed", "needs-restart")
 STATUS = "status"  # the kind of event whose last one is the job's status
-NOTE = "note"  # and that whose last one is what people say of it
 
 
 def _last(kind: str) -> sa.Label[Any]:
@@ -55,19 +55,6 @@ def _last(kind: str) -> sa.Label[Any]:
 
 _STATUS = _last(STATUS)
 _WITH_STATUS = sa.select(jobs, _STATUS, _last(NOTE))
-
-
-class Said(msgspec.Struct, frozen=True):
-    """What people say of a job: words, tags, whether it is put away."""
-
-    text: str = ""
-    tags: tuple[str, ...] = ()
-    archived: bool = False
-
-
-def said_of(body: str | None, job: str) -> Said:
-    """What a job's last note says."""
-    return Said() if body is None else decoded(body, Said, f"the note of job {job}")
 
 
 class JobRow(msgspec.Struct, frozen=True):

@@ -19,8 +19,9 @@ from service.evaluation.job import Job
 from service.evaluation.listing import Listing, Wanted, listing_of
 from service.evaluation.record import JobRecord, replay
 from service.evaluation.so_far import ESTIMATE, begun, state_after
-from service.evaluation.store.jobs import NOTE, Event, JobRow, Mark
+from service.evaluation.store.jobs import Event, JobRow, Mark
 from service.evaluation.store.log import AuditLog
+from service.evaluation.store.notes import NOTE
 from service.evaluation.store.reader import JobReader
 from service.evaluation.summary import Cost, summary_of
 from service.remote.fleet import events as E

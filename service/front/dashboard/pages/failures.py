@@ -6,10 +6,8 @@ from urllib.parse import quote, urlencode
 import msgspec
 from starlette.requests import Request
 
-from service.front.dashboard.link import FOR_GOOD_S
-from service.front.dashboard.pages.job import HEAD, job_of
+from service.front.dashboard.pages.job import HEAD, job_of, keep_s
 from service.front.dashboard.site import Part, Site
-from service.remote.api.objects import OVER
 
 Order = Literal["likelihood", "weight", "f"]
 ORDERS = {
@@ -38,7 +36,7 @@ async def failures(site: Site, request: Request) -> dict[str, Any]:
     found = await site.link.ask(
         ("failures", key, job.status),
         lambda client: msgspec.json.decode(client.get(key)),
-        FOR_GOOD_S if job.status in OVER else WHILE_RUNNING_S,
+        keep_s(job, WHILE_RUNNING_S),
     )
     names = {mode["mode"]: mode["name"] for mode in found["modes"]}
     others = sorted({failure["other"] or BACKGROUND for failure in found["failures"]})

@@ -105,7 +105,7 @@ class Steps:
 
 async def steps_of(site: Site, job: Job) -> Steps:
     items = await site.link.ask(
-        ("iterations", job.id, job.status), lambda client: _all_steps(client, job.id), _keep_s(job)
+        ("iterations", job.id, job.status), lambda client: _all_steps(client, job.id), keep_s(job)
     )
     return Steps(
         tuple(step for step in items if isinstance(step, SearchStep)),
@@ -117,7 +117,7 @@ async def curve_of(site: Site, job: Job, gammas: Sequence[float] | None = None) 
     return await site.link.ask(
         ("curve", job.id, job.status, gammas),
         lambda client: client.curve(job.id, gammas or thresholds_about(job)),
-        _keep_s(job),
+        keep_s(job),
     )
 
 
@@ -125,7 +125,7 @@ async def course_of(site: Site, job: Job) -> Course:
     return await site.link.ask(
         ("course", job.id, job.status, None if job.status in OVER else job.rollouts),
         lambda client: client.course(job.id),
-        _keep_s(job),
+        keep_s(job),
     )
 
 
@@ -145,8 +145,9 @@ def _all_steps(client: Client, job: str) -> list[SearchStep | EstimateStep]:
     return found
 
 
-def _keep_s(job: Job) -> float:
-    return FOR_GOOD_S if job.status in OVER else MOMENT_S
+def keep_s(job: Job, while_running_s: float = MOMENT_S) -> float:
+    """How long an answer about a job is kept: as long as that while it runs, for good when it is over."""
+    return FOR_GOOD_S if job.status in OVER else while_running_s
 
 
 async def course(site: Site, request: Request) -> dict[str, Any]:

@@ -7,10 +7,8 @@ from markupsafe import Markup
 from starlette.requests import Request
 
 from service.analysis.learned.objects import Parameter, Spread
-from service.front.dashboard.link import FOR_GOOD_S
-from service.front.dashboard.pages.job import job_of
+from service.front.dashboard.pages.job import job_of, keep_s
 from service.front.dashboard.site import Part, Site
-from service.remote.api.objects import OVER
 
 WHILE_RUNNING_S = 60.0  # rollouts are run again for the behaviours
 WIDTH, HEIGHT = 220, 34
@@ -26,7 +24,7 @@ async def learned(site: Site, request: Request) -> dict[str, Any]:
     found = await site.link.ask(
         ("learned", job.id, job.status),
         lambda client: client.learned(job.id),
-        FOR_GOOD_S if job.status in OVER else WHILE_RUNNING_S,
+        keep_s(job, WHILE_RUNNING_S),
     )
     groups = [
         (heading, [(one, strip(one, _same_kind(found.parameters, kind))) for one in _same_kind(found.parameters, kind)])

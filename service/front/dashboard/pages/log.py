@@ -4,10 +4,9 @@ from typing import Any
 
 from starlette.requests import Request
 
-from service.front.dashboard.link import FOR_GOOD_S, MOMENT_S
-from service.front.dashboard.pages.job import HEAD, job_of
+from service.front.dashboard.pages.job import HEAD, job_of, keep_s
 from service.front.dashboard.site import Part, Site
-from service.remote.api.objects import OVER, Event
+from service.remote.api.objects import Event
 from service.remote.client import Client
 
 PAGE = 1000
@@ -20,7 +19,7 @@ async def log(site: Site, request: Request) -> dict[str, Any]:
     events = await site.link.ask(
         ("log", job.id, job.status),
         lambda client: _all(client, job.id),
-        FOR_GOOD_S if job.status in OVER else MOMENT_S,
+        keep_s(job),
     )
     return {"job": job, "events": events[::-1][:SHOWN], "total": len(events)}
 

@@ -3,10 +3,8 @@
 from starlette.requests import Request
 
 from service.analysis.learned.scatter_objects import Scatter
-from service.front.dashboard.link import FOR_GOOD_S
-from service.front.dashboard.pages.job import HEAD, job_of
+from service.front.dashboard.pages.job import HEAD, job_of, keep_s
 from service.front.dashboard.site import Site
-from service.remote.api.objects import OVER
 
 WHILE_RUNNING_S = 30.0  # rollouts are run again for what the drivers did
 
@@ -17,7 +15,7 @@ async def scatter(site: Site, request: Request) -> Scatter:
     return await site.link.ask(
         ("scatter", job.id, job.status),
         lambda client: client.scatter(job.id),
-        FOR_GOOD_S if job.status in OVER else WHILE_RUNNING_S,
+        keep_s(job, WHILE_RUNNING_S),
     )
 
 

@@ -6,10 +6,8 @@ from urllib.parse import quote
 import msgspec
 from starlette.requests import Request
 
-from service.front.dashboard.link import FOR_GOOD_S
-from service.front.dashboard.pages.job import HEAD, job_of
+from service.front.dashboard.pages.job import HEAD, job_of, keep_s
 from service.front.dashboard.site import Part, Site
-from service.remote.api.objects import OVER
 
 BASELINES = {
     "police-reported": "human-driven vehicles in police-reported crashes",
@@ -33,7 +31,7 @@ async def risk(site: Site, request: Request) -> dict[str, Any]:
     found = await site.link.ask(
         ("risk", key, job.status),
         lambda client: msgspec.json.decode(client.get(key)),
-        FOR_GOOD_S if job.status in OVER else WHILE_RUNNING_S,
+        keep_s(job, WHILE_RUNNING_S),
     )
     return {"job": job, "found": found}
 

@@ -11,10 +11,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-import ce
 from service.analysis.exports.opendrive import write_opendrive
 from service.analysis.exports.openscenario import openscenario_text
-from service.analysis.trace import record
 from service.errors import SimulationError
 from service.evaluation.job import Problem, make_job
 from service.world import agents as A
@@ -24,13 +22,8 @@ MADE = datetime(2026, 12, 1, 9, 30, tzinfo=UTC)
 
 
 @pytest.fixture(scope="module")
-def trace():
-    problem = Problem(
-        make_job(load_scenario("i80-10s"), "idm", gamma=0.0, method="naive", seed=1, options={})
-    )
-    x, noise = ce.draw(problem.base, 1, "estimate", 0, 0, 1)
-    with problem.simulator() as simulator:
-        return record(problem, simulator, x[0], int(noise[0]))
+def trace(trace_of):
+    return trace_of("i80-10s")
 
 
 def test_the_checker_of_asam_finds_nothing(trace, tmp_path):

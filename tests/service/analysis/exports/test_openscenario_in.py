@@ -8,26 +8,17 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-import ce
 from service.analysis.exports.openscenario import openscenario_text
 from service.analysis.exports.openscenario_in import f_of, read_openscenario
-from service.analysis.trace import record
 from service.errors import InputError
-from service.evaluation.job import Problem, make_job
 from service.world import agents as A
-from service.world.scenario import load_scenario
 
 SEEN = [A.X_M, A.Y_M, A.HEADING_RAD, A.SPEED_MPS, A.LENGTH_M, A.WIDTH_M, A.ACTIVE]
 
 
 @pytest.fixture(scope="module")
-def trace():
-    problem = Problem(
-        make_job(load_scenario("i80-paper-10s"), "idm", gamma=0.0, method="naive", seed=1, options={})
-    )
-    x, noise = ce.draw(problem.base, 1, "estimate", 0, 0, 1)
-    with problem.simulator() as simulator:
-        return record(problem, simulator, x[0], int(noise[0]))
+def trace(trace_of):
+    return trace_of("i80-paper-10s")
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,8 @@ import sqlalchemy as sa
 import ce
 from service.errors import StoreError
 from service.evaluation.store import Chunk, Origin
-from service.evaluation.store.jobs import NOTE, AuditRow, JobStore, Said
+from service.evaluation.store.jobs import AuditRow, JobStore
+from service.evaluation.store.notes import NOTE, Said
 from service.evaluation.store.tables import jobs
 from tests.service.evaluation.store.test_directory import chunk
 
